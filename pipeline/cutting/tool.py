@@ -254,7 +254,15 @@ def tip_stiffness(tool: Tool) -> float:
 
 
 def tip_deflection(tool: Tool, force: ArrayLike) -> Floats:
-    """Deflection of the tip under a force across the axis [N], in m; NaN without its stickout."""
+    """Deflection of the tip under a force across the axis [m]; NaN without the tool's stickout.
+
+    Parameters
+    ----------
+    tool : Tool
+        Tool with its stickout.
+    force : array_like
+        Across the axis [N], any shape.
+    """
     return np.asarray(force, dtype=np.float64) / tip_stiffness(tool)
 
 

@@ -6,9 +6,11 @@ Numbers are SI where their names carry no unit.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import degrees
 from typing import Any
 
 from pipeline.schema.model import Correlation, LeftOut, Model, Parameter
+from pipeline.schema.si import MM
 
 COEFFICIENTS = ""
 """Group of the parameters of the waveform: coefficients, runout, helix, Kienzle's constants."""
@@ -62,6 +64,15 @@ class CutConditions:
     def feed(self) -> float:
         """Feed rate [m/s]."""
         return self.f_z * self.flutes * self.speed
+
+    @property
+    def stated(self) -> dict[str, float]:
+        """Speed [rev/min], feed per tooth and axial depth [mm], entry and exit [deg], by name."""
+        return {
+            "speed_rpm": 60 * self.speed, "feed_per_tooth_mm": self.f_z / MM,
+            "axial_depth_mm": self.a_p / MM, "entry_deg": degrees(self.phi_st),
+            "exit_deg": degrees(self.phi_ex),
+        }  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,6 @@ from typing import Annotated, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.cutting.economics.material import not_negative
 from pipeline.cutting.economics.spindle_power import SpindleDrive, shaft_power
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
@@ -65,7 +64,7 @@ def spindle_supply(cutting: ArrayLike, no_load: ArrayLike, drive: SpindleDrive) 
     """Electrical power of the spindle drive, (P_c + P_0) / (eta eta_m) [W].
 
     ``cutting`` is P_c = F_t v_c at the tool [W], ``no_load`` P_0(n) of the spindle [W], 0 at
-    standstill. ValueError when a power is negative or not finite.
+    standstill.
 
     Examples
     --------
@@ -76,8 +75,7 @@ def spindle_supply(cutting: ArrayLike, no_load: ArrayLike, drive: SpindleDrive) 
     >>> round(float(spindle_supply(900.0, 180.0, drive)), 6)
     1500.0
     """
-    power = shaft_power(not_negative("cutting", cutting), not_negative("no_load", no_load), drive)
-    return power / drive.motor_efficiency
+    return shaft_power(cutting, no_load, drive) / drive.motor_efficiency
 
 
 def energy(
@@ -88,12 +86,11 @@ def energy(
 
     ``times`` are the blocks' [s], ``spindle_W`` the mean electrical power of the spindle drive [W]
     (:func:`spindle_supply`), ``moving`` and ``coolant`` the shares of the time with axes in motion
-    and with coolant [1]. ValueError when a time or power is negative or not finite, or a share is
-    not from 0 to 1.
+    and with coolant [1].
     """
-    spent, supply = not_negative("times", times), not_negative("spindle_W", spindle_W)
-    shares = not_negative("moving", moving, high=1.0), not_negative("coolant", coolant, high=1.0)
-    spent, supply, drives, pumps = np.broadcast_arrays(spent, supply, *shares)
+    spent, supply, drives, pumps = np.broadcast_arrays(
+        *(np.asarray(one, dtype=np.float64) for one in (times, spindle_W, moving, coolant))
+    )
     kWh = spent / KWH
     return Energy(
         spindle=kWh * supply,
@@ -161,8 +158,7 @@ def part_cost(
     ``times`` are the blocks', in the cut or not [s], ``energy_kWh`` their electricity, ``wear`` the
     share of the tool's life [1] (:func:`pipeline.cutting.economics.material.wear`), 0 in air, NaN
     where the life is not determined, each of shape (..., B); ``life_prices`` (B,) or () the cost of
-    one life of each block's tool (:func:`life_price`).  ValueError when one of them is negative,
-    infinite, or NaN where that is not allowed.
+    one life of each block's tool (:func:`life_price`).
 
     Examples
     --------
@@ -171,9 +167,9 @@ def part_cost(
     >>> float(cost.tool[0]), float(cost.time[0]), round(float(cost.change[0]), 3)
     (2.0, 1.0, 0.06)
     """
-    spent, used = not_negative("times", times), not_negative("energy_kWh", energy_kWh)
-    share = not_negative("wear", wear, unknown=True)
-    price = not_negative("life_prices", life_prices)
+    spent, used, share, price = (
+        np.asarray(one, dtype=np.float64) for one in (times, energy_kWh, wear, life_prices)
+    )
     shape = np.broadcast_shapes(spent.shape, share.shape, used.shape)
     share = np.broadcast_to(share, shape)
     return PartCost(

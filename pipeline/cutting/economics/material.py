@@ -26,24 +26,6 @@ from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Range, Ranged
 from pipeline.schema.si import MINUTE, MM
 
-
-def not_negative(
-    name: str, values: ArrayLike, *, high: float = np.inf, unknown: bool = False
-) -> Floats:
-    """Values as an array; ValueError when one is negative, infinite, above ``high`` or NaN.
-
-    ``unknown`` allows NaN.
-    """
-    array = np.asarray(values, dtype=np.float64)
-    good = (array >= 0.0) & (array <= high) & (array < np.inf)
-    if unknown:
-        good |= np.isnan(array)
-    if not good.all():
-        upper = "and finite" if high == np.inf else f"at most {high:g}"
-        raise ValueError(f"{name} = {array[~good].flat[0]} must be 0 or more, {upper}")
-    return array
-
-
 Condition = Literal["f_z", "a_p", "a_e"]
 NONE: Mapping[Condition, ArrayLike] = MappingProxyType({})
 
@@ -136,7 +118,7 @@ def life(
 
     ``v_c`` is the cutting speed [m/s]; a tool at rest has an infinite life. ``conditions`` are f_z,
     a_p and a_e [m]; one with an exponent is needed, and where one is 0 there is no chip and no
-    wear. ValueError when a speed or condition is negative or NaN, or one that is needed is missing.
+    wear. ValueError when one that is needed is missing.
 
     Examples
     --------
@@ -154,7 +136,7 @@ def wear(
     conditions: Mapping[Condition, ArrayLike] = NONE,
 ) -> Floats:  # fmt: skip
     """Share of tool life of each block, t_i / T(V_i) [1], for times in the cut [s]; (..., B)."""
-    spent = not_negative("times", times)
+    spent = np.asarray(times, dtype=np.float64)
     with np.errstate(over="ignore", invalid="ignore"):  # a rate without bound for no time
         share: Floats = np.where(spent > 0.0, spent * _wear_rate(taylor, v_c, conditions), 0.0)
     return share
@@ -188,14 +170,14 @@ def fastest(
 
 def _wear_rate(taylor: Taylor, v_c: ArrayLike, conditions: Mapping[Condition, ArrayLike]) -> Floats:
     """1 / T [1/s], see :func:`life`."""
-    load = not_negative("v_c", v_c) / taylor.C
+    load = np.asarray(v_c, dtype=np.float64) / taylor.C
     for name in ("f_z", "a_p", "a_e"):
         exponent, reference = (getattr(taylor, f"{name}_{end}") for end in ("exponent", "ref_mm"))
         if not exponent:
             continue
         if name not in conditions:
             raise ValueError(f"tool life depends on {name} here: give it, in metres")
-        load = load * (not_negative(name, conditions[name]) / (reference * MM)) ** exponent
+        load = load * (np.asarray(conditions[name]) / (reference * MM)) ** exponent
     return load ** (1.0 / taylor.n) / MINUTE
 
 

@@ -34,15 +34,6 @@ class EndRings:
     """Inner and outer radius of the part of the flat on material, at each of F angles [m]; none
     where ``outer <= inner``; shape (P, F)."""
 
-    def __post_init__(self) -> None:
-        if self.inner.shape != self.outer.shape or len(self.inner) != len(self.station):
-            raise ValueError(
-                f"end rings: {len(self.station)} stations have inner radii of shape "
-                f"{self.inner.shape}, outer ones of {self.outer.shape}: give each one row of both"
-            )
-        if (np.diff(self.station) <= 0).any():
-            raise ValueError("end rings: the stations must rise")
-
     @property
     def width(self) -> Floats:
         """Greatest length of the edge that each ring has at an angle [m]; shape (P,)."""

@@ -213,11 +213,9 @@ def engage(
     """Engagement along a path, and the stock that it leaves.
 
     The path is in the stock's frame, ``tools`` are those that ``path.tool`` counts; the stock is
-    not changed. ``bins`` is the number of angles F at which the engagement is given: even, 8 to
-    720. ValueError when ``bins`` is out of its range or the path names a tool that is not there.
+    not changed. ``bins`` is the even number of angles F at which the engagement is given.
+    ValueError when the path names a tool that is not there.
     """
-    if bins % 2 or not 8 <= bins <= 720:
-        raise ValueError(f"engagement: bins = {bins} must be even and from 8 to 720")
     if len(path) and not (path.tool.min() >= 0 and path.tool.max() < len(tools)):
         wrong = path.tool[(path.tool < 0) | (path.tool >= len(tools))][0]
         raise ValueError(f"engagement: the path names tool {wrong} of {len(tools)} that there are")
@@ -304,23 +302,6 @@ class Immersions:
     highest: Floats | None = None
     """Least and greatest height above the tip of the edge in the material [m]; from the tip to
     ``depth`` where they are not given; shape (N,)."""
-
-    def __post_init__(self) -> None:
-        shallow = np.flatnonzero(~((self.depth > 0.0) & np.isfinite(self.depth)))
-        if len(shallow):
-            raise ValueError(
-                f"immersions: depth[{shallow[0]}] = {self.depth[shallow[0]]:g} must be above 0 m "
-                "and finite; leave out stations that are not in the material"
-            )
-        arc = (self.entry >= 0.0) & (self.entry < self.exit) & (self.exit <= pi + 1e-9)
-        wrong = np.flatnonzero(~(arc & np.isfinite(self.feed_direction)))
-        if len(wrong):
-            at = wrong[0]
-            raise ValueError(
-                f"immersions: station {at} has entry = {self.entry[at]:.6g}, exit = "
-                f"{self.exit[at]:.6g}, feed_direction = {self.feed_direction[at]:.6g} rad, which "
-                "must be 0 <= entry < exit <= pi and a direction"
-            )
 
 
 def immersions(path: ToolPath, engagement: Engagement) -> Immersions:

@@ -94,20 +94,25 @@ def drawn_loads(
 ) -> Floats:  # fmt: skip
     """Peak across the axis over a spindle revolution [N] in D draws, at K feeds; shape (K, D).
 
-    ``coefficients`` (D, 6) are K_tc, K_rc, K_ac, K_te, K_re, K_ae [N/m^2] or with ``m_c``, [N/m];
-    ``offsets`` (D, 2) that of the tool axis from the spindle axis, along the first tooth and 90 deg
-    after it in the sense of ``Tool.runout_deg`` [m]; ``f_z`` (K,) rising feeds per tooth, above 0
-    [m]; ``m_c`` the exponent of the chip thickness [1]; ``mean`` asks for means instead of peaks.
-    ValueError when the shapes do not go together.
+    Parameters
+    ----------
+    turn : EdgeTurn
+        Edges of the tool in its cut.
+    coefficients : array_like, shape (D, 6)
+        K_tc, K_rc, K_ac [N/m^2], with ``m_c`` [N/m^(2 - m_c)], K_te, K_re, K_ae [N/m].
+    offsets : array_like, shape (D, 2)
+        The tool's axis from the spindle's, along the first tooth and 90 deg after it in the sense
+        of ``Tool.runout_deg`` [m].
+    f_z : array_like, shape (K,)
+        Rising feeds per tooth, above 0 [m].
+    m_c : float
+        Exponent of the chip thickness [1].
+    mean : bool
+        Means instead of peaks.
     """
     law = np.ascontiguousarray(coefficients, dtype=np.float64)
     throw = np.ascontiguousarray(offsets, dtype=np.float64)
     feeds = np.ascontiguousarray(f_z, dtype=np.float64)
-    if law.shape != (len(throw), 6) or throw.shape != (len(law), 2) or feeds.ndim != 1:
-        raise ValueError(
-            f"drawn loads: coefficients have shape {law.shape}, offsets {throw.shape}, f_z "
-            f"{feeds.shape}: give (D, 6), (D, 2) and (K,)"
-        )
     teeth, angles = turn.tool.flutes, len(turn.first) - 1
     place = np.exp(2j * np.pi * np.arange(teeth) / teeth)
     out = np.zeros((len(feeds), len(law)))

@@ -201,9 +201,13 @@ def regressors(
 ) -> Floats:
     """Mean F_x, F_y, F_z over a revolution for each of ``COEFFICIENTS``, in closed form.
 
-    Linear-edge law, teeth in cut from ``phi_st`` to ``phi_ex``, 0 to pi [rad] (Altintas 2012,
-    eqs. 2.41 to 2.44).  Shape of the arguments + (3, 6), [m^2] for cutting, [m] for edge
-    coefficients; F_z as on the workpiece.
+    Linear-edge law, teeth in cut from ``phi_st`` to ``phi_ex``, within 0 to pi (Altintas 2012,
+    eqs. 2.41 to 2.44).
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 6)
+        [m^2] for cutting, [m] for edge coefficients; F_z as on the workpiece.
 
     Examples
     --------

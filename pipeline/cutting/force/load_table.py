@@ -244,10 +244,12 @@ def load_table(
     without a model, of thread mills, are 0.
 
     ``f_z_max`` is the greatest feed per tooth that will be looked up [m], one for all tools or one
-    for each; ``nodes`` is K, from 3. ValueError when the arguments do not go together, or a value
-    is out of its range.
+    for each; ``nodes`` is K, from 3. ValueError when it is not above 0, or a block cuts with two
+    tools.
     """
-    most = _greatest(engagement, tools, force_laws, f_z_max, nodes)
+    most = np.broadcast_to(np.asarray(f_z_max, dtype=np.float64), (len(tools),))
+    if not (np.isfinite(most).all() and (most > 0).all()):
+        raise ValueError(f"load table: f_z_max = {most} must be finite and positive")
     order, station, tool = _different(engagement)
     values = np.zeros((len(order), nodes + 1, COLUMNS))
     for index in np.unique(tool):
@@ -273,32 +275,6 @@ def load_table(
         exponent=exponents[of_block],
         length=np.bincount(engagement.block, length, engagement.blocks).astype(np.float64),
     )
-
-
-def _greatest(
-    engagement: Engagement, tools: Sequence[Tool], force_laws: Sequence[ForceLaw],
-    f_z_max: ArrayLike, nodes: int,
-) -> Floats:  # fmt: skip
-    """f_z_max of each tool, when all arguments go together."""
-    if len(tools) != len(force_laws):
-        raise ValueError(
-            f"load table: {len(tools)} tools have {len(force_laws)} force laws: give one for each"
-        )
-    unknown = (engagement.tool < 0) | (engagement.tool >= len(tools))
-    if unknown.any():
-        raise ValueError(
-            f"load table: the engagement has tool {engagement.tool[unknown][0]}, but there are "
-            f"{len(tools)} tools, counted from 0"
-        )
-    most = np.asarray(f_z_max, dtype=np.float64)
-    if most.shape not in ((), (len(tools),)):
-        raise ValueError(f"load table: f_z_max has shape {most.shape}: give one value, or one "
-                         f"for each of the {len(tools)} tools")  # fmt: skip
-    if not (np.isfinite(most).all() and (most > 0).all()):
-        raise ValueError(f"load table: f_z_max = {most} must be finite and positive")
-    if nodes < 3:
-        raise ValueError(f"load table: nodes = {nodes} must be at least 3")
-    return np.broadcast_to(most, (len(tools),))
 
 
 def _tools(engagement: Engagement) -> Rows:

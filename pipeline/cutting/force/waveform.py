@@ -83,7 +83,7 @@ def basis(
     ``a_p`` [m]; no forces where the feed per tooth ``f_z`` [m] is 0 or below.  ``angles`` (T,) are
     the spindle's [rad], ``m_c`` the exponent of the chip thickness [1], ``growth`` the thickness
     over which the edge part grows, as 1 - exp(-h / growth) [m]; 0: at once, below 0: along a
-    straight line up to -growth.  ValueError when a value is not finite or out of its range.
+    straight line up to -growth.
 
     Errors are those of slices of length d [rad of lag].  Without runout each has d^4 / 4320 of its
     force: with m_c = 0 and 16 slices below 1e-7 of the greatest force in all where the lag of the
@@ -100,13 +100,7 @@ def basis(
     >>> np.round(design[0] * [1e8, 1e8, 1e8, 1e3, 1e3, 1e3], 6)[1].tolist()
     [5.0, -0.0, 0.0, 1.0, -0.0, 0.0]
     """
-    theta = _angles(angles, f_z)
-    if not (np.isfinite(a_p) and a_p >= 0):
-        raise ValueError(f"waveform: a_p = {a_p} must be finite and at least 0")
-    if not 0.0 <= phi_st <= phi_ex <= np.pi + 1e-9:
-        raise ValueError(
-            f"waveform: phi_st = {phi_st} to phi_ex = {phi_ex} must lie from 0 to pi rad"
-        )
+    theta = np.ascontiguousarray(angles, dtype=np.float64)
     out = np.zeros((len(theta), 4, 6))
     if not (f_z > 0 and a_p > 0 and phi_ex > phi_st):
         return out
@@ -135,18 +129,10 @@ def profile_basis(
     angles (k + 1/2) 2 pi / F; a value holds over its whole bin of angle.  ``slope`` is dz / ds of
     the motion, from -1 (plunge) to 1; ``slices`` of the edge's corner and of its side are divided
     by bins as well; ``ring`` are inner and outer radii of the part of a flat end that has material
-    below at each angle, (F,) each [m], all of it by default.  ValueError when a value is not finite
-    or shapes do not go together.
+    below at each angle, (F,) each [m], all of it by default.
     """
-    theta = _angles(angles, f_z)
+    theta = np.ascontiguousarray(angles, dtype=np.float64)
     low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
-    if low.shape != high.shape or low.ndim != 1 or not len(low):
-        raise ValueError(
-            f"waveform: lower has shape {low.shape}, upper {high.shape}: give both one height for "
-            "each bin of angle"
-        )
-    if not (np.isfinite(low).all() and np.isfinite(high).all()):
-        raise ValueError("waveform: a height of the profile is not finite")
     out = np.zeros((len(theta), 4, 6))
     there = high > low
     if f_z > 0 and there.any():
@@ -171,15 +157,6 @@ def profile_waveform(
         slices=slices, ring=ring,
     )  # fmt: skip
     return each @ law.constants
-
-
-def _angles(angles: ArrayLike, f_z: float) -> Floats:
-    theta = np.ascontiguousarray(angles, dtype=np.float64)
-    if theta.ndim != 1 or not np.isfinite(theta).all():
-        raise ValueError("waveform: angles must be a row of finite values [rad]")
-    if not np.isfinite(f_z):
-        raise ValueError(f"waveform: f_z = {f_z} must be finite")
-    return theta
 
 
 @compiled

@@ -220,13 +220,6 @@ def stability_table(
         raise ValueError(
             f"nodes_rpm has {len(nodes)} speeds, which must be above 0 and grow: give one or more"
         )
-    many = int(stations.tool.max(initial=-1)) + 1
-    for name, given in (("dynamics", dynamics), ("force_laws", force_laws), ("tools", tools)):
-        if len(given) < many:
-            raise ValueError(
-                f"{name} has {len(given)} entries, and the stations name tool {many - 1}: give one "
-                "for each tool, counted from 0"
-            )
     # stations that have known dynamics, and blocks that are judged with them
     known = np.array([one is not None for one in dynamics], dtype=np.bool_)
     kept = known[stations.tool] if len(known) else np.zeros(0, dtype=np.bool_)

@@ -440,8 +440,7 @@ def read_frf(path: Path, *, direction: Direction | None = None) -> FrequencyResp
 
     ``direction`` is that of displacement and force in the machine's frame ("xy": displacement along
     x, force along y): needed for a CSV file, stated in a universal file. ValueError in one sentence
-    when the file cannot be read. Several files are joined by
-    :func:`pipeline.cutting.stability.tip_dynamics.joined_responses`.
+    when the file cannot be read. Several files are joined by :func:`joined_responses`.
     """
     if direction is not None and direction not in PLACES:
         raise ValueError(f"direction = {direction!r} is none: write x, y, xy or yx")

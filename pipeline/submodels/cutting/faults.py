@@ -18,8 +18,7 @@ from pipeline.submodels.cutting.model import CutModel
 from pipeline.submodels.cutting.recordings import (
     CuttingRecording,
     cut_harmonics,
-    forces,
-    steady_revolution,
+    measured_at,
 )
 from pipeline.submodels.cutting.settings import CuttingFitSettings, CuttingSetup
 from pipeline.submodels.cutting.waveform import CutHarmonics, mean_squares
@@ -225,9 +224,6 @@ def _at_speed(
         f_z=one.conditions.f_z / factor if by_rate else one.conditions.f_z,
     )  # fmt: skip
     try:
-        force, rate, _ = forces(one.file.load())
-        revolution, zero_measured = steady_revolution(force, rate, stated, setup, settings)
+        return cut_harmonics(measured_at(one, stated, setup, settings), settings)
     except ValueError:
         return None
-    again = replace(one, conditions=stated, revolution=revolution, zero_measured=zero_measured)
-    return cut_harmonics(again, settings)

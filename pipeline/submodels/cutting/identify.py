@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +36,6 @@ from pipeline.submodels.cutting.regression import Estimate, digits
 from pipeline.submodels.cutting.runout import RoundedFit, rounded_fit
 from pipeline.submodels.cutting.selection import (
     FitUncertainty,
-    Fold,
     Selection,
     fit_uncertainty,
     left_out_error,
@@ -118,15 +118,13 @@ def identify_cutting_force(
     uncertainty = fit_uncertainty(fit, selection.folds, selection.rivals)
     not_sharp = rounded_fit(fit, settings.folds)
     mean_values, means = mean_regression(cuts, settings.widest, fit, not_sharp.shape)
-    serving, fits, with_residual = _champion(
-        (
-            (fit, selection.folds, selection.with_residual),
-            (
-                not_sharp.fit, not_sharp.folds,
-                residual_helps(cuts, not_sharp.folds, settings.gain),
-            ),
-        ),
-        cuts,
+    candidates = (
+        (fit, selection.folds, selection.with_residual),
+        (not_sharp.fit, not_sharp.folds, residual_helps(cuts, not_sharp.folds, settings.gain)),
+    )
+    serving, fits, with_residual = min(  # the one that errs least on recordings left out
+        candidates,
+        key=lambda one: left_out_error(cuts, one[1], with_residual=one[2]) if one[1] else 0.0,
     )  # fmt: skip
     folds = [
         model_of(fold.fit, with_residual=with_residual, spread=spread_of(fold.fit, line, shape))
@@ -144,20 +142,6 @@ def identify_cutting_force(
         model=model_of(serving, with_residual=with_residual, spread=spread),
         reason=_upside_down(fit),
     )  # fmt: skip
-
-
-Candidate = tuple[Fit, Sequence[Fold], bool]
-"""A fit, its fits without some recordings, and whether it has a waveform residual."""
-
-
-def _champion(candidates: Sequence[Candidate], cuts: Sequence[CutHarmonics]) -> Candidate:
-    """The fit that errs least on recordings left out; the first where none was left out."""
-
-    def error(candidate: Candidate) -> float:
-        _, folds, with_residual = candidate
-        return left_out_error(cuts, folds, with_residual=with_residual) if folds else 0.0
-
-    return min(candidates, key=error)
 
 
 def _why_none(recordings: Sequence[CuttingRecording]) -> str:
@@ -260,18 +244,16 @@ def _facts(
 
 def _residual_conditions(model: CutModel) -> tuple[ResidualConditions, ...]:
     """Conditions of the waveform residual; empty where it is not part of the model."""
-    return tuple(
-        ResidualConditions(
-            speed_rpm=digits(60 * one.conditions.speed),
-            axial_depth_mm=digits(one.conditions.a_p / MM),
-            entry_deg=digits(float(np.degrees(one.conditions.phi_st))),
-            exit_deg=digits(float(np.degrees(one.conditions.phi_ex))),
-            feeds_per_tooth_mm=tuple(digits(f / MM) for f in one.feeds),
+    rows = []
+    for one in model.residuals:
+        stated = {name: digits(value) for name, value in one.conditions.stated.items()}
+        del stated["feed_per_tooth_mm"]
+        rows.append(ResidualConditions(
+            **stated, feeds_per_tooth_mm=tuple(digits(f / MM) for f in one.feeds),
             holds_for_mm=(digits(min(one.feeds) / BEYOND / MM),
                           digits(max(one.feeds) * BEYOND / MM)),
-        )
-        for one in model.residuals
-    )  # fmt: skip
+        ))  # fmt: skip
+    return tuple(rows)
 
 
 def recording_row(one: CuttingRecording) -> CutRecording:
@@ -285,11 +267,9 @@ def recording_row(one: CuttingRecording) -> CutRecording:
     if c is None:
         return row
     speed = c.speed if revolution is None else revolution.speed
-    return replace(
-        row, speed_rpm=round(60 * speed, 2), feed_mm_min=digits(c.feed / MM * 60),
-        feed_per_tooth_mm=digits(c.f_z / MM), axial_depth_mm=digits(c.a_p / MM),
-        entry_deg=digits(float(np.degrees(c.phi_st))), exit_deg=digits(float(np.degrees(c.phi_ex))),
-    )  # fmt: skip
+    stated: dict[str, Any] = {name: digits(value) for name, value in c.stated.items()}
+    stated["speed_rpm"] = round(60 * speed, 2)
+    return replace(row, feed_mm_min=digits(c.feed / MM * 60), **stated)
 
 
 def _parameters(rows: Sequence[Estimate]) -> dict[str, Parameter]:

@@ -13,7 +13,6 @@ from pipeline.charts.sections import Block, Figure, Figures, Heading, present
 from pipeline.charts.sources import stated
 from pipeline.charts.submodel_page import Counting, Drawn, PageContent, made_from
 from pipeline.charts.tables import Column, code, tabulated
-from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import (
     CHANNEL,
     CHANNEL_FORCE,
@@ -339,21 +338,7 @@ def _spindle_words(model: CuttingModel, spindle: SpindleLoad) -> str:
 
 
 def _no_load(shown: Seen, model: CuttingModel, spindle: SpindleLoad) -> Figures | None:
-    """No-load power over speed, with the measured levels."""
-    strip, top = no_load_strip(model, spindle)
-    if not strip.curves and not strip.dots:
-        return None
-    words = f"Power of the spindle without a cut, {counted(len(spindle.curve), 'level')} of speed."
-    below = axis("Speed, rev/min", (0.0, top))
-    figure = Figure(svg=strips_figure([strip], below, words), caption=words,
-                    sources=made_from(shown, "model.json"))  # fmt: skip
-    legend = [("p-positive", "measured", "dot"), ("l-modelled", "fitted curve", "line"),
-              ("s-band", "its 95 % band", "box")]  # fmt: skip
-    return Figures(figures=[figure], legend=legend, kind="one")
-
-
-def no_load_strip(model: CuttingModel, spindle: SpindleLoad) -> tuple[Strip, float]:
-    """Levels of the no-load power with the fitted curve, and the top speed [rev/min]."""
+    """No-load power over speed: measured levels, fitted curve and its band."""
     points = sorted(spindle.curve, key=lambda one: one.speed_rpm)
     at, fitted, half, measured = np.array([
         (one.speed_rpm, one.power_W, one.half_width_95_W, one.measured_W) for one in points
@@ -364,16 +349,22 @@ def no_load_strip(model: CuttingModel, spindle: SpindleLoad) -> tuple[Strip, flo
     curves, ends = [], spindle.range_rpm
     if ends is not None and ends[0] < ends[1] and known and len(known) == len(powers):
         speed = np.linspace(*ends, POINTS)
-        power: Floats = np.asarray(
-            np.polynomial.polynomial.polyval(speed / 60.0, known), np.float64
-        )
-        curves = [("modelled", speed, power)]
+        power = np.polynomial.polynomial.polyval(speed / 60.0, known)
+        curves = [("modelled", speed, np.asarray(power, np.float64))]
+    if not curves and not len(at):
+        return None
     strip = Strip(
         head="No-load power, W", height=220, zero=True, curves=curves,
         areas=[("s-band", at, fitted - half, fitted + half)] if len(at) > 1 else [],
         dots=[("p-positive", at, measured)] if len(at) else [],
     )  # fmt: skip
-    return strip, float(max([1.0, *at.tolist(), *([ends[1]] if ends else [])]))
+    top = float(max([1.0, *at.tolist(), *([ends[1]] if ends else [])]))
+    words = f"Power of the spindle without a cut, {counted(len(points), 'level')} of speed."
+    svg = strips_figure([strip], axis("Speed, rev/min", (0.0, top)), words)
+    figure = Figure(svg=svg, caption=words, sources=made_from(shown, "model.json"))
+    legend = [("p-positive", "measured", "dot"), ("l-modelled", "fitted curve", "line"),
+              ("s-band", "its 95 % band", "box")]  # fmt: skip
+    return Figures(figures=[figure], legend=legend, kind="one")
 
 
 # ---- the truth of a simulated machine

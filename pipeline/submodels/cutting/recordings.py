@@ -140,27 +140,37 @@ def with_revolution(
     if one.conditions is None or one.file is None:
         return one
     try:
-        force, rate, notes = forces(one.file.load())
-        revolution, zero_measured = steady_revolution(force, rate, one.conditions, setup, settings)
+        return measured_at(one, one.conditions, setup, settings)
     except ValueError as error:
-        return replace(one, reason=f"{error}{_other_speed(one, setup, settings)}")
-    return replace(one, revolution=revolution, zero_measured=zero_measured, notes=notes)
+        return replace(one, reason=f"{error}{_other_speed(one, one.conditions, setup, settings)}")
 
 
-def _other_speed(one: CuttingRecording, setup: CuttingSetup, settings: CuttingFitSettings) -> str:
+def measured_at(
+    one: CuttingRecording, conditions: CutConditions, setup: CuttingSetup,
+    settings: CuttingFitSettings,
+) -> CuttingRecording:  # fmt: skip
+    """A recording with its mean revolution under conditions; ValueError when there is none."""
+    if one.file is None:
+        raise ValueError(f"{one.name} has no file")
+    force, rate, notes = forces(one.file.load())
+    revolution, zero_measured = steady_revolution(force, rate, conditions, setup, settings)
+    return replace(
+        one, conditions=conditions, revolution=revolution, zero_measured=zero_measured, notes=notes
+    )
+
+
+def _other_speed(
+    one: CuttingRecording, stated: CutConditions, setup: CuttingSetup,
+    settings: CuttingFitSettings,
+) -> str:  # fmt: skip
     """Twice or half of the stated speed, where the forces repeat with that; empty otherwise."""
-    if one.conditions is None or one.file is None:
-        return ""
     for factor, words in ((0.5, "half of"), (2.0, "twice")):
-        speed = factor * one.conditions.speed
+        speed = factor * stated.speed
         try:
-            force, rate, _ = forces(one.file.load())
-            found, _ = steady_revolution(
-                force, rate, replace(one.conditions, speed=speed), setup, settings
-            )
+            _, revolution = measured_at(one, replace(stated, speed=speed), setup, settings).cut
         except ValueError:
             continue
-        share = 100 * float(found.coherent[:2].max())
+        share = 100 * float(revolution.coherent[:2].max())
         return f"; {share:.0f} % repeat with {60 * speed:.4g} rev/min, {words} what is stated"
     return ""
 

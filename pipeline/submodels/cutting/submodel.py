@@ -19,7 +19,7 @@ from pipeline.schema.verdict import Fact, Role
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
 from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.cutting.identify import cutting_model, identify_cutting_force
-from pipeline.submodels.cutting.model import ALIKE, CutModel, restored
+from pipeline.submodels.cutting.model import ALIKE, restored
 from pipeline.submodels.cutting.predictions import ANGLES, ForcePredictor, force_targets
 from pipeline.submodels.cutting.recordings import (
     CuttingRecording,
@@ -186,7 +186,10 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
                 force = wave(model.predicted(conditions, harmonics), angles)
                 size = np.linalg.norm(force[:, :2], axis=1)
                 row = (size.max(), size.mean(), float(np.sqrt(np.mean(size**2))))
-                peak, mean = served_half_widths(model, conditions, harmonics)
+                peak = mean = np.nan
+                if model.spread is not None:
+                    levels = force_levels(model, conditions, harmonics)
+                    peak, mean = half_widths(model.spread, levels)
                 beyond = ", ".join(outside(_facts(conditions), stored.conditions))
                 rows.append((*row, row[0] - peak, row[0] + peak, row[1] - mean, row[1] + mean,
                              beyond))  # fmt: skip
@@ -220,39 +223,25 @@ def _whole(one: CuttingRecording, settings: Fitting) -> CuttingRecording:
     return with_revolution(one, settings.cutting, settings.cutting_fit)
 
 
-def served_half_widths(
-    model: CutModel, conditions: CutConditions, harmonics: int
-) -> tuple[float, float]:
-    """Halves of the 90 % intervals of peak and mean [N]; NaN for a model without a spread."""
-    if model.spread is None:
-        return np.nan, np.nan
-    return half_widths(model.spread, force_levels(model, conditions, harmonics))
-
-
 def outside(facts: Mapping[str, Fact], learnt: Mapping[str, Condition]) -> list[str]:
     """Names of the numeric conditions that lie outside of those learnt, alike ones apart."""
-    found = []
+    names = []
     for name, fact in facts.items():
         known = learnt.get(name)
         if known is None or known.low is None or known.high is None or fact.value is None:
             continue
-        value, slack = float(fact.value), ALIKE * max(abs(known.low), abs(known.high))
-        if not known.low - slack <= value <= known.high + slack:
-            found.append(name)
-    return found
+        slack = ALIKE * max(abs(known.low), abs(known.high))
+        if not known.low - slack <= float(fact.value) <= known.high + slack:
+            names.append(name)
+    return names
 
 
 def _facts(conditions: CutConditions | None) -> dict[str, Fact]:
     if conditions is None:
         return {}
-    values = {
-        "spindle speed": (60 * conditions.speed, "rev/min"),
-        "feed per tooth": (conditions.f_z / MM, "mm"),
-        "axial depth of cut": (conditions.a_p / MM, "mm"),
-        "entry angle": (float(np.degrees(conditions.phi_st)), "deg"),
-        "exit angle": (float(np.degrees(conditions.phi_ex)), "deg"),
-    }
-    return {name: Fact(value=float(f"{v:.6g}"), unit=unit) for name, (v, unit) in values.items()}
+    names = ("spindle speed", "feed per tooth", "axial depth of cut", "entry angle", "exit angle")
+    rows = zip(names, conditions.stated.values(), COLUMNS.values(), strict=True)
+    return {name: Fact(value=float(f"{value:.6g}"), unit=unit) for name, value, unit in rows}
 
 
 def _recordings(cases: Cases, settings: Fitting) -> list[CuttingRecording]:

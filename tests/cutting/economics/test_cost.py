@@ -33,11 +33,6 @@ def test_an_hour_of_everything_takes_the_sum_of_its_powers() -> None:
     assert float(found.total) == pytest.approx(4.0 + 1.2 + 0.6 + 1.5)
 
 
-def test_a_machine_that_waits_takes_its_base_load() -> None:
-    found = energy(MILL, times=[3600.0], spindle_W=0.0, moving=0.0)
-    assert float(found.total) == pytest.approx(1.2)
-
-
 def drive(efficiency: float, motor_efficiency: float) -> SpindleDrive:
     return SpindleDrive(
         rated_power_kW=11.0, base_speed_rpm=1500.0, top_speed_rpm=8000.0, efficiency=efficiency,
@@ -59,33 +54,6 @@ def test_power_in_is_power_out_and_losses(
 def test_a_motor_that_nobody_measured_is_taken_for_a_usual_one() -> None:
     usual = SpindleDrive(rated_power_kW=11.0, base_speed_rpm=1500.0, top_speed_rpm=8000.0)
     assert float(spindle_supply(900.0, 0.0, usual)) == pytest.approx(1000.0)
-
-
-@pytest.mark.parametrize("bad", [-100.0, np.nan, np.inf])
-def test_powers_that_are_none_are_refused(bad: float) -> None:
-    for name, pair in (("cutting", (bad, 1.0)), ("no_load", (1.0, bad))):
-        with pytest.raises(ValueError, match=f"{name} = {bad} must be 0 or more, and finite"):
-            spindle_supply(*pair, drive(0.9, 0.9))
-
-
-def test_a_population_is_each_of_its_members() -> None:
-    random = np.random.default_rng(2)
-    times, power = random.uniform(0, 9, (4, 12)), random.uniform(0, 8000, (4, 12))
-    moving = random.uniform(0, 1, 12)
-    together = energy(MILL, times=times, spindle_W=power, moving=moving)
-    assert together.block.shape == (4, 12)
-    for row in range(4):
-        one = energy(MILL, times=times[row], spindle_W=power[row], moving=moving)
-        np.testing.assert_allclose(together.block[row], one.block, rtol=1e-14)
-
-
-def test_what_is_no_power_or_share_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"moving = 1\.5 must be 0 or more, at most 1"):
-        energy(MILL, times=[1.0], spindle_W=0.0, moving=1.5)
-    with pytest.raises(ValueError, match="spindle_W = nan"):
-        energy(MILL, times=[1.0], spindle_W=np.nan)
-    with pytest.raises(ValueError, match="times = inf must be 0 or more, and finite"):
-        energy(MILL, times=[np.inf], spindle_W=0.0)
 
 
 RATES = CostRates(
@@ -122,17 +90,6 @@ def test_a_life_that_is_not_known_makes_no_total_but_the_rest_is_known() -> None
 
 def test_a_tool_of_several_edges_costs_its_part_for_each_life() -> None:
     assert life_price(Tool(kind="flat", diameter_mm=50, flutes=5, price=90.0, edges=2)) == 45.0
-
-
-@pytest.mark.parametrize("name", ["times", "wear", "life_prices", "energy_kWh"])
-@pytest.mark.parametrize("bad", [-1.0, np.nan, np.inf])
-def test_what_is_no_amount_has_no_cost(name: str, bad: float) -> None:
-    given_ = {"times": 1.0, "wear": 0.1, "life_prices": 1.0, "energy_kWh": 1.0, name: [bad]}
-    if name == "wear" and np.isnan(bad):
-        assert np.isnan(part_cost(RATES, **given_).total)  # a life that is not known
-        return
-    with pytest.raises(ValueError, match=f"{name} = {bad} must be 0 or more, and finite"):
-        part_cost(RATES, **given_)
 
 
 DRIVE = SpindleDrive(

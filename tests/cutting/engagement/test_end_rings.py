@@ -22,7 +22,7 @@ EACH = LAW.K_tc * F_Z + LAW.K_te
 """Force along the cutting speed on each length of edge [N/m]."""
 ANGLES = np.radians(2.5 + 5.0 * np.arange(72))
 WAY = through([[0, 0, 2], [0, 0, -8]])
-RESOLUTIONS = [0.1, 0.25, 0.5, 1.0]
+RESOLUTIONS = [0.1, 0.5]
 
 
 def flat(diameter_mm: float, flutes: int = 2, **given) -> Tool:
@@ -80,18 +80,7 @@ def test_a_round_hole_leaves_a_ring(diameter, hole, flutes, resolution) -> None:
     assert found.rings.around_the_axis.all()
 
 
-@pytest.mark.parametrize("resolution", RESOLUTIONS)
-def test_a_ring_has_the_area_of_what_is_removed(resolution) -> None:
-    """Whatever the resolution: K_tc times the removal rate is the power."""
-    for hole in (9.7, 9.0, 6.0, 3.0):
-        tool = flat(10.0)
-        found = bored(tool, hole, resolution)
-        of_full = down(tool, lambda x, y: 0 * x > 1, resolution)
-        ratio = loads(found, tool, CUTTING).torque / loads(of_full, tool, CUTTING).torque
-        assert ratio == pytest.approx(found.volume.sum() / of_full.volume.sum(), rel=0.02)
-
-
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(
     diameter=st.floats(6, 30), share=st.floats(0.1, 0.97), off=st.floats(0, 1),
     angle=st.floats(0, 2 * np.pi), resolution=st.floats(0.2, 0.8),
@@ -111,7 +100,7 @@ def test_torque_is_that_of_the_removed_material(diameter, share, off, angle, res
     assert np.all(rings.inner >= 0) and np.all(rings.outer <= np.float32(tool.radius))
 
 
-@pytest.mark.parametrize(("resolution", "near"), [(0.1, 0.03), (0.25, 0.06), (0.5, 0.12), (1, 0.3)])
+@pytest.mark.parametrize(("resolution", "near"), [(0.1, 0.03), (0.5, 0.12)])
 def test_a_hole_off_the_axis(resolution: float, near: float) -> None:
     """39 mm, 0.4 mm to the left of a boring bar of 40: 0.1 mm at one side, 0.9 at the other."""
     tool = flat(40.0, 1)
@@ -133,18 +122,6 @@ def test_a_sickle_stays_at_its_side(resolution: float) -> None:
     assert width.sum() == pytest.approx(true.sum(), rel=0.08)
     assert width.max() == pytest.approx(1.0, abs=0.25)
     assert np.all(width[np.sin(ANGLES) < 0.6] == 0)
-
-
-def test_half_of_a_plunge_is_half_of_its_end() -> None:
-    """Beside a wall the end cuts from the axis on: half of torque and thrust of the full plunge."""
-    tool = flat(20.0, 4)
-    found, of_full = (down(tool, where, 0.25) for where in (
-        lambda x, _: x < 0, lambda x, _: x < -99,
-    ))  # fmt: skip
-    half, full = loads(found, tool), loads(of_full, tool)
-    assert half.torque == pytest.approx(full.torque / 2, rel=0.02)
-    assert half.axial == pytest.approx(full.axial / 2, rel=0.15)
-    assert not found.rings.around_the_axis.any()
 
 
 def test_a_stepped_hole_has_a_ring_for_each_diameter() -> None:
@@ -184,7 +161,7 @@ def test_a_bull_nose_cuts_with_the_part_of_its_flat_over_the_material() -> None:
         )
 
 
-@pytest.mark.parametrize("hole", [9.7, 9.0, 6.0])
+@pytest.mark.parametrize("hole", [9.7, 6.0])
 def test_a_drill_in_a_hole_cuts_with_the_outside_of_its_lips(hole: float) -> None:
     """Its point has heights, which say where its lips cut."""
     tool = Tool(kind="drill", diameter_mm=10, flutes=2)
@@ -229,7 +206,3 @@ def test_rings_of_stations() -> None:
     assert rings.rows(6).tolist() == [0, 1, 0, 0, 2, 0]
     assert rings.width.tolist() == [2, 2] and not rings.around_the_axis.any()
     assert whole_ends().of(0) is None and whole_ends().rows(2).tolist() == [0, 0]
-    with pytest.raises(ValueError, match="the stations must rise"):
-        EndRings(station=np.array([4, 1]), inner=rings.inner, outer=rings.outer)
-    with pytest.raises(ValueError, match="2 stations have inner radii of shape"):
-        EndRings(station=np.array([1, 4]), inner=rings.inner[:1], outer=rings.outer[:1])

@@ -11,21 +11,20 @@ from hypothesis import strategies as st
 from pipeline.cutting.engagement.stock import Box, Cylinder, Mesh, height_map, rows_of, stock_of
 
 
-def test_a_line_names_a_box() -> None:
-    assert stock_of("box:0,100,-30,30,-20,0") == Box(x_mm=(0, 100), y_mm=(-30, 30), z_mm=(-20, 0))
-
-
-def test_a_line_names_a_cylinder() -> None:
-    stock = stock_of(" cylinder:10, 20, 50, -20, 0 ")
-    assert stock == Cylinder(x_mm=10, y_mm=20, diameter_mm=50, z_mm=(-20, 0))
-
-
-def test_a_path_names_a_mesh() -> None:
-    assert stock_of("blanks/Casting.STL") == Mesh(path=Path("blanks/Casting.STL"))
-
-
-def test_a_stock_without_height_is_one_without_material() -> None:
-    assert stock_of("box:0,100,0,60,0,0") == Box(x_mm=(0, 100), y_mm=(0, 60), z_mm=(0, 0))
+@pytest.mark.parametrize(
+    ("text", "stock"),
+    [
+        ("box:0,100,-30,30,-20,0", Box(x_mm=(0, 100), y_mm=(-30, 30), z_mm=(-20, 0))),
+        ("box:0,100,0,60,0,0", Box(x_mm=(0, 100), y_mm=(0, 60), z_mm=(0, 0))),
+        (
+            " cylinder:10, 20, 50, -20, 0 ",
+            Cylinder(x_mm=10, y_mm=20, diameter_mm=50, z_mm=(-20, 0)),
+        ),
+        ("blanks/Casting.STL", Mesh(path=Path("blanks/Casting.STL"))),
+    ],
+)
+def test_a_line_names_a_stock(text: str, stock) -> None:
+    assert stock_of(text) == stock
 
 
 @pytest.mark.parametrize(

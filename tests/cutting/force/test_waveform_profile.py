@@ -1,18 +1,20 @@
-"""Waveforms with runout, and of engagements given as heights for bins of angle."""
+"""Forces with runout, of heights for bins of angle, on slopes, and of many draws."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.cutting.force.drawn_loads import drawn_loads, edge_turn
 from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.force.load_table import load_table
 from pipeline.cutting.force.waveform import profile_basis, profile_waveform
-from pipeline.cutting.tool import Tool
-from tests.cutting.closed_forms import basis, torque_basis
-from tests.cutting.plain_forces import plain_forces
-from tests.cutting.tool_paths import BINS, arc, random_profile
+from pipeline.cutting.tool import Kind, Tool
+from tests.cutting.closed_forms import basis, plain_forces, torque_basis
+from tests.cutting.tool_paths import BINS, arc, random_profile, stations
 
 STRAIGHT = Tool(kind="flat", diameter_mm=10.0, flutes=4, helix_deg=0.0)
 TURN = 2 * np.pi
@@ -79,16 +81,6 @@ def test_what_a_tooth_misses_the_next_takes() -> None:
     assert np.allclose(h, [4 * f_z - third, 0.0, 0.0, third], rtol=1e-9, atol=1e-15)
     edges = [chip[0, 1, 3] / 1e-3 for chip in chips]
     assert np.allclose(edges, [1, 0, 0, 1], rtol=1e-9, atol=1e-15)
-
-
-def test_offset_turns_with_the_tool() -> None:
-    """Naming the tooth behind the first one instead moves the same forces by a pitch."""
-    tool = replace(STRAIGHT, helix_deg=25.0, runout_um=8.0, runout_deg=20.0)
-    one = basis(tool, f_z=5e-5, angles=turn(48), **SLOT)
-    other = basis(
-        replace(tool, runout_deg=20.0 + 90.0), f_z=5e-5, angles=turn(48) - TURN / 4, **SLOT
-    )
-    assert np.allclose(one, other, rtol=0, atol=1e-12 * np.abs(one).max(axis=(0, 1)))
 
 
 def test_forces_change_without_jumps_over_runout() -> None:
@@ -161,19 +153,6 @@ def test_plain_restatement_of_an_uneven_profile() -> None:
         assert np.abs(found - plain)[:, 3].max() <= 2e-3 * np.abs(plain[:, 3]).max()
 
 
-def test_material_above_the_tip_only() -> None:
-    """The side between two heights is the whole depth less what lies below."""
-    theta = turn(60)
-    given = {"f_z": 5e-5, "angles": theta}
-    both, below = arc(0.5, 2.0, 5e-3), arc(0.5, 2.0, 2e-3)
-    above = arc(0.5, 2.0, 5e-3, low=2e-3)
-    parts = [
-        profile_basis(HELICAL, lower=lower, upper=upper, **given) for lower, upper in (below, above)
-    ]
-    whole = profile_basis(HELICAL, lower=both[0], upper=both[1], **given)
-    assert np.allclose(sum(parts), whole, rtol=0, atol=1e-3 * np.abs(whole).max(axis=(0, 1)))
-
-
 def test_plunge_of_a_flat_end_in_full() -> None:
     """Torque N (K_tc f_z D^2 / 8 + K_te D^2 / 8 over R), thrust N R (K_rc f_z + K_re)."""
     lower, upper = arc(0.0, 7.0, 1e-4)
@@ -199,15 +178,164 @@ def test_drill_that_enters() -> None:
     assert np.allclose(torque, 2 * 1e-4 * 8e-3**2 / 8, rtol=1e-6)
 
 
-def test_nothing_engaged_is_no_force() -> None:
-    none = np.zeros(BINS)
-    assert not profile_basis(HELICAL, f_z=5e-5, lower=none, upper=none, angles=turn(9)).any()
+F_Z = 5e-5
+BARS = [0.02, 0.03, 0.02, 0.02]
+"""Of :func:`errors` [1]; draws have teeth 7.5 degrees apart."""
+UPWARDS = [0.05, 0.06, 0.04, 0.04]
+"""A corner cuts with little of its length there, and with runout chips end within its pieces."""
+LINEAR = ForceLaw.linear(K_tc=800.0, K_rc=300.0, K_ac=120.0, K_te=20.0, K_re=15.0, K_ae=3.0)
+BENT = ForceLaw.kienzle(k_c11=1500.0, m_c=0.25, radial=0.4, axial=0.1)
+ANGLES = 144
+"""Of a turn, every 2.5 degrees: a peak of the load between them is 0.1 % higher."""
 
 
-def test_bad_profiles_are_named() -> None:
-    with pytest.raises(ValueError, match=r"lower has shape \(3,\), upper \(4,\)"):
-        profile_basis(HELICAL, f_z=1e-5, lower=np.zeros(3), upper=np.zeros(4), angles=[0.0])
-    with pytest.raises(ValueError, match="height of the profile is not finite"):
-        profile_basis(HELICAL, f_z=1e-5, lower=[0.0], upper=[np.nan], angles=[0.0])
-    with pytest.raises(ValueError, match="f_z = nan must be finite"):
-        profile_basis(HELICAL, f_z=np.nan, lower=[0.0], upper=[0.0], angles=[0.0])
+def tool(kind: Kind, flutes: int, runout: float) -> Tool:
+    return Tool(
+        kind=kind, diameter_mm=10.0, flutes=flutes, helix_deg=30.0, point_angle_deg=118.0,
+        runout_um=runout, runout_deg=25.0, corner_radius_mm=2.0 if kind == "bull_nose" else 0.0,
+    )  # fmt: skip
+
+
+def profile(down: float) -> tuple[np.ndarray, np.ndarray]:
+    """In front of a tool 4 mm deep; on its way down its end lies on half of what is behind, too."""
+    if down == 90.0:
+        return arc(0, 7, 4e-3)
+    lower, upper = arc(0, np.pi, 4e-3)
+    return lower, np.maximum(upper, arc(np.pi, 1.5 * np.pi, 3e-4 if down > 0 else 0.0)[1])
+
+
+def discs(law: ForceLaw, one: Tool, down: float, many: int = 300) -> np.ndarray:
+    lower, upper = profile(down)
+
+    def inside(phi: np.ndarray, z: np.ndarray) -> np.ndarray:
+        k = (phi * BINS / (2 * np.pi)).astype(int) % BINS
+        return np.asarray((z >= lower[k]) & (z < upper[k]))
+
+    angles = (np.arange(ANGLES) + 0.5) * (2 * np.pi / ANGLES)
+    slope = -float(np.sin(np.radians(down)))
+    return plain_forces(law, one, F_Z, 0.0, upper.max(), inside, angles, many, slope=slope)
+
+
+def errors(law: ForceLaw, kind: Kind, flutes: int, runout: float, down: float) -> np.ndarray:
+    """Of the peak, of a draw's, of mean load and torque, over the greatest force there is.
+
+    A draw's is as :mod:`pipeline.optimisation.reliability.part_loads` takes it: what runout adds.
+    """
+    one, plain = tool(kind, flutes, runout), tool(kind, flutes, 0.0)
+    true = discs(law, one, down)
+    load, force = np.hypot(true[:, 0], true[:, 1]), np.linalg.norm(true[:, :3], axis=1).max()
+    slope, heights = -float(np.sin(np.radians(down))), profile(down)
+    cut = stations([heights], [0], 1, slope=slope)
+    tables = [load_table(cut, [of], [law], F_Z).loads([F_Z]) for of in (one, plain)]
+    angle = np.array([np.cos(one.runout_angle), np.sin(one.runout_angle)])
+    with_runout, without = drawn_loads(
+        edge_turn(one, *heights, slope=slope), [law.constants] * 2,
+        [one.runout * angle, 0 * angle], [F_Z], m_c=law.m_c,
+    )[0]  # fmt: skip
+    found = np.array([
+        tables[0].peak[0], tables[1].peak[0] + with_runout - without, tables[0].mean[0],
+        tables[0].torque[0] / one.radius,
+    ])  # fmt: skip
+    torque = true[:, 3].mean() / one.radius
+    return np.abs(found - [load.max(), load.max(), load.mean(), torque]) / force
+
+
+@pytest.mark.parametrize(
+    ("law", "kind", "flutes", "runout", "down"),
+    [
+        (LINEAR, "flat", 3, 10.0, 3.0),
+        (LINEAR, "flat", 6, 0.0, 30.0),
+        (BENT, "flat", 4, 5.0, 60.0),
+        (LINEAR, "flat", 2, 10.0, 90.0),
+        (LINEAR, "bull_nose", 4, 10.0, 10.0),
+        (BENT, "bull_nose", 2, 0.0, -20.0),
+        (LINEAR, "ball", 3, 0.0, -30.0),
+        (LINEAR, "ball", 2, 10.0, 20.0),
+        (LINEAR, "ball", 3, 10.0, 90.0),
+        (BENT, "drill", 2, 10.0, 90.0),
+        (LINEAR, "drill", 3, 10.0, 45.0),
+    ],
+)
+def test_a_slope_has_the_forces_of_its_discs(law, kind, flutes, runout, down) -> None:
+    assert (errors(law, kind, flutes, runout, down) < BARS).all()
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("kind", ["flat", "bull_nose", "ball", "drill"])
+@pytest.mark.parametrize("law", [LINEAR, BENT], ids=["linear", "bent"])
+def test_all_slopes_have_the_forces_of_their_discs(kind: Kind, law: ForceLaw) -> None:
+    """0 to 90 degrees down and, but for drills, up; 2 to 6 flutes; runout 0 to 10 um."""
+    downs = [*range(0, 91, 10), 3, *([] if kind == "drill" else (-5, -30, -60))]
+    for flutes, runout, down in product(range(2, 7), (0.0, 3.0, 10.0), downs):
+        found = errors(law, kind, flutes, runout, float(down))
+        assert (found < (BARS if down >= 0 else UPWARDS)).all(), (flutes, runout, down, found)
+
+
+COEFFICIENTS = ("K_tc", "K_rc", "K_ac", "K_te", "K_re", "K_ae")
+MEAN = np.array([8e8, 3e8, 1.2e8, 2e4, 1.5e4, 3e3])
+FEEDS = np.array([1e-5, 4e-5, 1e-4])
+
+
+def waveform_peak(law, offset, tool, f_z, profile, m_c=0.0, slope=0.0) -> float:
+    turned = replace(
+        tool, runout_um=float(np.hypot(*offset)) * 1e6,
+        runout_deg=float(np.degrees(np.arctan2(offset[1], offset[0]))),
+    )  # fmt: skip
+    forces = profile_waveform(
+        ForceLaw(**dict(zip(COEFFICIENTS, law.tolist(), strict=True)), m_c=m_c), turned, f_z=f_z,
+        lower=profile[0], upper=profile[1], angles=np.arange(1440) * np.pi / 720, slope=slope,
+    )  # fmt: skip
+    return float(np.hypot(forces[:, 0], forces[:, 1]).max())
+
+
+@given(
+    seed=st.integers(0, 2**31), flutes=st.integers(1, 5),
+    helix=st.sampled_from([0.0, 30.0, 45.0]), m_c=st.sampled_from([0.0, 0.25]),
+)  # fmt: skip
+@settings(max_examples=12, deadline=None)
+def test_a_draw_is_the_peak_of_its_waveform(seed: int, flutes: int, helix: float, m_c: float):
+    rng = np.random.default_rng(seed)
+    tool = Tool(kind="flat", diameter_mm=10.0, flutes=flutes, helix_deg=helix)
+    profile = random_profile(rng, least=0.5)
+    laws = MEAN * (1 + 0.2 * rng.standard_normal((3, 6))) * np.where(np.arange(6) < 3, 0.1**m_c, 1)
+    offsets = 5e-6 * rng.standard_normal((3, 2)) * (flutes > 1)
+    found = drawn_loads(edge_turn(tool, *profile), laws, offsets, FEEDS, m_c=m_c)
+    true = np.array([
+        [waveform_peak(law, offset, tool, f_z, profile, m_c)
+         for law, offset in zip(laws, offsets, strict=True)] for f_z in FEEDS
+    ])  # fmt: skip
+    # teeth stand up to 7.5 degrees apart, and bins where one begins to cut count or do not
+    assert (found / true > 0.9).all() and (found / true < 1.1).all()
+    assert abs(np.median(found / true) - 1) < 0.05
+
+
+def test_a_mean_is_that_of_its_waveform():
+    tool = Tool(kind="ball", diameter_mm=10.0, flutes=3, helix_deg=30.0, runout_um=8.0)
+    profile = arc(0.4, 2.6, 3e-3)
+    offset, law = np.array([[8e-6, 0.0]]), ForceLaw(**dict(zip(COEFFICIENTS, MEAN, strict=True)))
+    turn = edge_turn(tool, *profile, slope=-0.2)
+    forces = profile_waveform(
+        law, tool, f_z=4e-5, lower=profile[0], upper=profile[1], slope=-0.2,
+        angles=np.arange(720) * np.pi / 360,
+    )  # fmt: skip
+    mean = np.hypot(forces[:, 0], forces[:, 1]).mean()
+    # pieces of the corner where a tooth begins to miss its chip
+    assert drawn_loads(turn, MEAN[None], offset, [4e-5], mean=True)[0, 0] == pytest.approx(
+        mean, rel=0.01
+    )
+
+
+def test_a_slot_without_runout_is_the_closed_form():
+    """K_tc a_p f_z sqrt(1 + K_rc^2 / K_tc^2) and as much of edge, when a tooth is across."""
+    tool = Tool(kind="flat", diameter_mm=6.0, flutes=2)
+    law = np.array([[1.2e9, 0.6e9, 0.0, 2e4, 1e4, 0.0], [1.0e9, 0.0, 0.0, 0.0, 3e4, 0.0]])
+    found = drawn_loads(edge_turn(tool, *arc(0, np.pi, 5e-4)), law, np.zeros((2, 2)), FEEDS)
+    force = 5e-4 * (law[:, None, :2] * FEEDS[:, None] + law[:, None, 3:5])
+    # a tooth stands within 3.75 degrees of it: cos is 0.9979
+    assert found == pytest.approx(np.hypot(force[..., 0], force[..., 1]).T, rel=2.5e-3)
+
+
+def test_without_material_there_is_no_load():
+    tool = Tool(kind="ball", diameter_mm=6.0, flutes=2, helix_deg=30.0)
+    turn = edge_turn(tool, np.zeros(72), np.zeros(72))
+    assert drawn_loads(turn, MEAN[None], np.zeros((1, 2)), FEEDS).tolist() == [[0.0]] * 3

@@ -181,11 +181,6 @@ def test_a_law_that_is_not_linear_is_taken_at_the_chip() -> None:
 
 
 def test_what_the_stations_name_must_be_there() -> None:
-    full = {"dynamics": [TIP, TIP], "force_laws": [LAW, LAW], "tools": [TWO, FOUR]}
-    for name in full:
-        given = full | {name: full[name][:1]}
-        with pytest.raises(ValueError, match=f"{name} has 1 entries, and the stations name tool 1"):
-            stability_table(PROGRAM, *given.values(), nodes_rpm=NODES)
     rubs = ForceLaw(K_tc=0.0, K_rc=0.0, K_te=1e3)
     with pytest.raises(ValueError, match=r"force_laws\[0\]\.K_tc = 0\.0 must be positive"):
         stability_table(PROGRAM, [TIP, TIP], [rubs, LAW], [TWO, FOUR], nodes_rpm=NODES)
@@ -204,11 +199,6 @@ def test_speeds_too_slow_for_cells_have_the_least_depth() -> None:
     found = table(stations([row], 1), [2.0]).margins([2.0])[0]
     cut = regenerative_cut(LAW, TWO, entry=0.0, exit=pi)
     assert found == pytest.approx(ROUNDED * least_depth(TIP, cut) / 1e-3 - 1, rel=1e-9)
-
-
-def test_an_air_program_has_no_limit() -> None:
-    found = table(stations([], 3))
-    assert np.isinf(found.margins(np.full((2, 3), 1.0))).all()
 
 
 def test_margin_is_zero_at_the_limit() -> None:
@@ -303,18 +293,3 @@ def test_ramps_are_milling_up_to_a_steepness() -> None:
     found = immersions(path, steep)
     np.testing.assert_array_equal(found.block, [0, 0])
     np.testing.assert_array_equal(found.unjudged, [False, False, False, True, False])
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"depth": [1e-3, 0.0, 1e-3, 1e-3]}, r"depth\[1\] = 0 must be above 0 m"),
-        ({"depth": [1e-3, 1e-3, np.nan, 1e-3]}, r"depth\[2\] = nan must be above 0 m"),
-        ({"exit": [3.0, 1.0, 3.0, 3.0]}, r"station 1 has entry = 1\.5708, exit = 1,"),
-        ({"feed_direction": [0.0, 0.0, 0.0, np.inf]}, "station 3 has .* feed_direction = inf"),
-    ],
-)
-def test_stations_that_cannot_be(change: dict, message: str) -> None:
-    given = {k: np.array(v) if isinstance(v, list) else v for k, v in change.items()}
-    with pytest.raises(ValueError, match=message):
-        replace(PROGRAM, **given)

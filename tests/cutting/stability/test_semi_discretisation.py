@@ -31,7 +31,7 @@ def leading(cut, rpm: float, depth: float) -> complex:
     return complex(values[np.abs(values).argmax()])
 
 
-@pytest.mark.parametrize("modes", [[X], [X, Y], [X, Y, replace(X, natural_frequency_Hz=1500.0)]])
+@pytest.mark.parametrize("modes", [[X], [X, Y, replace(X, natural_frequency_Hz=1500.0)]])
 def test_both_methods_agree_where_the_matrix_is_constant(modes) -> None:
     """A slot with four flutes: the zero-order solution is exact, and every lobe is compared.
 
@@ -113,8 +113,7 @@ def test_vibration_grows_above_and_dies_below(modes, cut, rpm: float) -> None:
 
 @pytest.mark.parametrize(
     ("modes", "cut", "rpm", "depth"),
-    [([X], SLOT, 5000, 5e-4), ([X], TWENTIETH, 19_500, 3e-3), ([X, Y], DOWN, 6000, 1e-3),
-     ([X, Y], replace(UP, flutes=3), 4000, 1e-3)],
+    [([X], TWENTIETH, 19_500, 3e-3), ([X, Y], replace(UP, flutes=3), 4000, 1e-3)],
 )  # fmt: skip
 def test_the_error_falls_with_the_square_of_the_cell(modes, cut, rpm, depth: float) -> None:
     """60 cells and more: the next power of the cell shifts the order seen by some hundredths."""
@@ -134,16 +133,6 @@ def test_the_tolerance_is_kept() -> None:
         fine = depth_limits([X], cut, speeds, highest=6e-3, tolerance=2e-4)
         assert (coarse.error <= 5e-3).all() and (coarse.cells < fine.cells).all()
         np.testing.assert_allclose(coarse.depth_limit, fine.depth_limit, rtol=1e-3)
-
-
-def test_few_cells_are_off_at_low_speed() -> None:
-    """Why the cells are refined: at 3000 rpm nine waves lie within the period."""
-    limit = depth_limits([X], SLOT, [3000 / 60], highest=5e-3)
-    assert limit.cells[0] >= 192
-    few, many = (
-        np.log(spectral_radius([X], SLOT, 50.0, limit.depth_limit[0], n)) for n in (24, 768)
-    )
-    assert abs(many) < 2e-3 < 10e-3 < abs(few)
 
 
 @settings(deadline=None, max_examples=25)
@@ -210,9 +199,3 @@ def test_no_speeds_have_no_limits() -> None:
     assert (
         found.n.shape == found.depth_limit.shape == found.error.shape == found.cells.shape == (0,)
     )
-
-
-def test_without_depth_a_vibration_is_free() -> None:
-    """e^(-zeta w_n T), as without a cut."""
-    free = spectral_radius([X], SLOT, 100.0, 0.0, 60)
-    assert free == pytest.approx(np.exp(-X.damping * X.omega / 200), rel=1e-4)

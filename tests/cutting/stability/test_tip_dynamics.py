@@ -17,20 +17,13 @@ from pipeline.cutting.stability.tip_dynamics import (
 from tests.cutting.chatter import X, Y
 
 
-def test_receptance_at_rest_and_at_resonance() -> None:
-    """1 / k at rest, -i / (2 zeta k) at the natural frequency; the other direction stays still."""
-    at = modal_receptance([X], [0.0, X.natural_frequency_Hz])
-    assert at[0, 0, 0] == pytest.approx(1 / X.stiffness, rel=1e-12)
-    assert at[1, 0, 0] == pytest.approx(-1j / (2 * X.damping * X.stiffness), rel=1e-12)
-    assert not at[:, 1, 1].any() and not at[:, 0, 1].any()
-
-
 def test_receptance_solves_the_equation_of_motion() -> None:
     """(k - m w^2 + i c w) of the answer is the force."""
     f = np.geomspace(10.0, 5000.0, 50)
     w, c = 2 * np.pi * f, 2 * Y.damping * Y.mass * Y.omega
     force = (Y.stiffness - Y.mass * w**2 + 1j * c * w) * modal_receptance([X, Y], f)[:, 1, 1]
     np.testing.assert_allclose(force, 1.0, rtol=1e-12)
+    assert not modal_receptance([X], f)[:, 1].any()
 
 
 def test_stiffness_and_mass_say_each_other() -> None:
@@ -206,7 +199,7 @@ def test_universal_files_say_what_they_are(tmp_path: Path) -> None:
         read_frf(tmp_path / "half.uff")
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 @given(place=st.integers(0, 3000), junk=st.binary(max_size=40))
 def test_no_damage_to_a_universal_file_is_another_error(tmp_path_factory, place, junk) -> None:
     folder = tmp_path_factory.mktemp("damaged")
@@ -218,7 +211,7 @@ def test_no_damage_to_a_universal_file_is_another_error(tmp_path_factory, place,
         assert "damaged.uff: " in str(error)
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 @given(text=st.text(alphabet='01.,;-e \n[]HzfreqalimgpsudN/mµ#"', max_size=80))
 def test_no_text_is_another_error(tmp_path_factory, text: str) -> None:
     file = tmp_path_factory.mktemp("text") / "a.csv"

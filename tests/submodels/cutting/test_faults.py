@@ -10,19 +10,19 @@ import pytest
 from pipeline.schema.cutting import CutConditions
 from pipeline.schema.model import Model
 from pipeline.signals.recordings import Recording, Samples
-from pipeline.submodels.cutting.faults import Reference, candidates, named_faults
+from pipeline.submodels.cutting.faults import Reference, named_faults
 from pipeline.submodels.cutting.fit import fit_waveform
 from pipeline.submodels.cutting.identify import cutting_model
 from pipeline.submodels.cutting.predictions import ForcePredictor
 from pipeline.submodels.cutting.recordings import CuttingRecording, cut_harmonics, with_revolution
 from pipeline.submodels.cutting.selection import model_of
 from pipeline.submodels.cutting.waveform import Terms
-from tests.submodels.cutting.milling import Truth
 from tests.submodels.cutting.recorded import (
     RATE,
     SETTINGS,
     SLOT,
     SLOTS,
+    Truth,
     clean,
     identified,
     known_of,
@@ -164,8 +164,3 @@ def _sound(seed: int) -> None:
     feeds = random.uniform(0.04, 0.2, int(random.integers(2, 4)))
     tests = [(6000.0, float(f_z), 2.0, 0.0, arc) for f_z in feeds]
     assert named([recorded(truth, one, k, seed) for k, one in enumerate(tests)], truth) == {}
-
-
-def test_every_candidate_has_words_of_its_own() -> None:
-    words = [one.words for one in candidates()]
-    assert len(set(words)) == len(words)

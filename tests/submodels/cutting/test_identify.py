@@ -12,8 +12,15 @@ from pipeline.submodels.cutting.identify import identify_cutting_force
 from pipeline.submodels.cutting.recordings import cut_harmonics
 from pipeline.submodels.cutting.settings import CuttingFitSettings, CuttingSetup, Dynamometer
 from tests.submodels.cutting import recorded
-from tests.submodels.cutting.milling import Truth
-from tests.submodels.cutting.recorded import SETTINGS, SLOT, SLOTS, identified, known_of, recordings
+from tests.submodels.cutting.recorded import (
+    SETTINGS,
+    SLOT,
+    SLOTS,
+    Truth,
+    identified,
+    known_of,
+    recordings,
+)
 
 ENDS = SLOTS[::2]
 """The least and the greatest feed, where three tell no more of the claim."""
@@ -101,6 +108,7 @@ def test_a_runout_that_is_not_determined_has_a_bound_and_what_to_record():
     assert "dial gauge" in runout.remedy
 
 
+@pytest.mark.proof
 def test_unlike_edges_are_not_a_small_runout_where_the_waveform_tells_them_badly(monkeypatch):
     """A force at turns that no term explains: radii alike and edges alike leave as much over."""
 
@@ -182,7 +190,7 @@ def test_without_recordings_to_learn_from_there_is_a_reason():
 
 @pytest.mark.parametrize(
     "kind", [
-        "one tooth", "no axial force",
+        "one tooth", pytest.param("no axial force", marks=pytest.mark.proof),
         pytest.param("the same feed twice", marks=pytest.mark.proof),
     ],
 )  # fmt: skip

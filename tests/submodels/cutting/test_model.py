@@ -18,12 +18,10 @@ from pipeline.submodels.cutting.waveform import (
     Terms,
     columns,
     mean_squares,
-    rotated,
     tooth_columns,
     transfer,
 )
-from tests.submodels.cutting.milling import Truth, milled
-from tests.submodels.cutting.recorded import SETTINGS, known_of, recordings
+from tests.submodels.cutting.recorded import SETTINGS, Truth, known_of, milled, recordings
 
 SLOT = CutConditions(speed=100.0, f_z=1e-4, a_p=3e-3, phi_st=0.0, phi_ex=np.pi, flutes=2)
 MILL = Tool(kind="flat", diameter_mm=25.0, flutes=2)
@@ -80,12 +78,6 @@ def test_a_mode_shows_rest_as_it_is_and_resonance_by_its_damping():
     found = transfer(np.array([0.0, 500.0]), natural, damping)
     assert found[0] == pytest.approx([1, 1, 1])
     assert found[1, 0] == pytest.approx(-1j / (2 * 0.05))
-
-
-def test_turning_is_a_shift_of_the_angle():
-    lines = columns(MILL, ToolGeometry(along=5e-6), SLOT, 20) @ np.ones(6)
-    angles = np.linspace(0, 6, 50)
-    assert wave(rotated(lines, 0.4), angles) == pytest.approx(wave(lines, angles + 0.4))
 
 
 LINES = np.random.default_rng(1).normal(size=(2, 9, 3, 2)) @ [1, 1j]

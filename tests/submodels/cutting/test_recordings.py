@@ -1,4 +1,4 @@
-"""Dynamometer recordings: conditions by name and list, forces, and why one is left out."""
+"""Dynamometer recordings: conditions, forces, why one is left out; and the cases made of them."""
 
 import json
 import re
@@ -10,7 +10,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.cutting.tool import Tool
-from pipeline.submodels.cases import Roles, role_of
+from pipeline.schema.golden import FrozenSet, GoldenSets
+from pipeline.schema.identity import MachineIdentity
+from pipeline.schema.model import SourceFile
+from pipeline.submodels.cases import Records, Roles, role_of
+from pipeline.submodels.cases import conditions_of as cases_conditions
+from pipeline.submodels.contract import submodel
 from pipeline.submodels.cutting.recordings import conditions_of, read_recordings
 from pipeline.submodels.cutting.settings import (
     CuttingRecords,
@@ -18,8 +23,10 @@ from pipeline.submodels.cutting.settings import (
     Dynamometer,
     StatedConditions,
 )
-from tests.submodels.cutting.milling import Truth
-from tests.submodels.cutting.recorded import RATE, SETTINGS, clean, known_of
+from pipeline.submodels.cutting.spindle_load.identify import LoadLogFile
+from pipeline.submodels.cutting.submodel import SUBMODEL, Fitting
+from tests.submodels.cutting.recorded import RATE, SETTINGS, Truth, clean, known_of
+from tests.submodels.cutting.spindle_load_logs import CUT_LOG, FREE_LOG, Bench, load_records
 
 TOOL = Tool(kind="flat", diameter_mm=12.0, flutes=3)
 NAME = (
@@ -145,6 +152,7 @@ def write(folder, files, unit="NEWTON", names="xyz", time=None):
         digest = str(hash(values.tobytes()))
         entries[name] = {"output": f"traces/{name}.parquet", "sha256": digest, "reason": None}
     (folder / "manifest.json").write_text(json.dumps({"files": entries}))
+    return entries
 
 
 def read(folder, records=RECORDS, known=None):
@@ -252,3 +260,88 @@ def test_a_pattern_without_recordings_is_an_error(tmp_path):
 def test_a_dynamometer_has_three_channels(channels):
     with pytest.raises(ValueError, match="name x, y and z, each once"):
         Dynamometer(feed=channels[0], normal=channels[1], axial=channels[2])
+
+
+FEEDS = (0.05, 0.08, 0.1, 0.12)
+ROLES = Roles(training=("slot-600.csv", "slot-1200.csv", "cutting/*"))
+
+
+def settings(**changes):
+    values = {
+        "identity": MachineIdentity(name="m", description="", origin="simulated"),
+        "roles": ROLES,
+        "cutting": known_of(TRUTH),
+        "cutting_records": CuttingRecords(
+            recordings="*.csv", name=r"slot-(?P<feed_mm_min>\d+)",
+            conditions=StatedConditions(speed_rpm=6000, axial_depth_mm=2, immersion="slot"),
+        ),
+        "cutting_fit": SETTINGS,
+        **changes,
+    }  # fmt: skip
+    return Fitting(**values)
+
+
+@pytest.fixture(scope="module")
+def records(tmp_path_factory):
+    """Four slots with their feed [mm/min] in the name, a copy, one without a feed, and logs."""
+    folder = tmp_path_factory.mktemp("signals")
+    slots = {}
+    for f_z in FEEDS:
+        feed = round(f_z * 2 * 6000)
+        force = clean(TRUTH, (6000.0, f_z, 2.0, 0.0, np.pi), 0.3)
+        noise = np.random.default_rng(feed).normal(0, 1.5, force.shape)
+        slots[f"slot-{feed}.csv"] = force + noise
+    entries = write(folder, slots)
+    for name in slots:
+        entries[name]["sha256"] = f"of {name}"
+    entries["slot-copy-600.csv"] = entries["slot-600.csv"]
+    entries["other.csv"] = {"output": "traces/other.parquet", "sha256": "o", "reason": None}
+    for name in (FREE_LOG, CUT_LOG):
+        entries[name] = {"output": "observations/x.parquet", "sha256": name, "reason": None}
+    (folder / "manifest.json").write_text(json.dumps({"files": entries}))
+    return Records(signals=folder, raw=folder)
+
+
+def test_the_submodel_has_its_place():
+    assert submodel("cutting") is SUBMODEL
+    assert [one.name for one in SUBMODEL.inputs][:2] == ["speed_rpm", "feed_per_tooth_mm"]
+
+
+def test_cases_have_roles_conditions_and_files(records):
+    found = SUBMODEL.cases(records, settings())
+    assert {case.name: case.role for case in found.cases} == {
+        "slot-600.csv": "training", "slot-960.csv": "held_out", "slot-1200.csv": "training",
+        "slot-1440.csv": "held_out",
+    }  # fmt: skip
+    reasons = {one.case: one.reason for one in found.left_out}
+    assert set(reasons) == {"slot-copy-600.csv", "other.csv"}
+    assert "is a copy of slot-600.csv" in reasons["slot-copy-600.csv"]
+    assert "its feed is not known" in reasons["other.csv"]
+    learnt = cases_conditions(found.of("training"))
+    assert (learnt["feed per tooth"].low, learnt["feed per tooth"].high) == pytest.approx(
+        (0.05, 0.1)
+    )
+    assert (learnt["spindle speed"].low, learnt["spindle speed"].unit) == (6000.0, "rev/min")
+    assert found.cases[0].files[0].sha256.startswith("of ")
+
+
+def test_a_sealed_recording_is_not_read_before_it_is_asked_for(records):
+    sealed = FrozenSet(files=(SourceFile(file="slot-960.csv", sha256="of slot-960.csv"),))
+    sets = GoldenSets(machine="m", sealed=sealed)
+    found = SUBMODEL.cases(records, settings(), sets)
+    (case,) = found.of("sealed")
+    assert case.name == "slot-960.csv" and "feed per tooth" in case.conditions
+    assert case.load().revolution is not None
+
+
+def test_logs_of_the_load_are_cases_that_are_not_predicted(records):
+    wanted = CuttingRecords(spindle=load_records(Bench()))
+    found = SUBMODEL.cases(records, settings(cutting_records=wanted))
+    assert [case.name for case in found.cases] == [FREE_LOG, CUT_LOG]
+    assert {case.role for case in found.cases} == {"training"}
+    assert isinstance(found.cases[0].load(), LoadLogFile)
+
+
+def test_the_records_that_are_read_have_to_be_named(records):
+    with pytest.raises(ValueError, match="signals and the raw folder"):
+        SUBMODEL.cases(Records(signals=records.signals), settings())

@@ -95,14 +95,6 @@ def cut_rates(
     return removal, edge
 
 
-def test_samples_count_once_the_speed_was_kept_and_not_before_it_changes() -> None:
-    times = np.arange(0, 20, 0.5)
-    speed = np.where(times < 5, 0.0, np.where(times < 12, 50.0, 80.0))
-    found = times[settled(times, speed, settle_s=2.0)]
-    # from 2 s after it was reached until more than 1 s before it changes
-    assert found.tolist() == [*np.arange(7.0, 11.0, 0.5), *np.arange(14.0, 20.0, 0.5)]
-
-
 def test_a_slow_ramp_is_no_level() -> None:
     times = np.arange(0, 60, 0.1)
     assert not settled(times, 20 + 0.5 * times, settle_s=2.0).any()  # 2 % and more in 2 s
@@ -240,18 +232,6 @@ def test_the_scale_is_said_in_words() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"load": np.zeros(3)}, "a column of the log has not the 24 rows"),
-        ({"times": -np.arange(24.0)}, "do not rise: sort its rows"),
-    ],
-)
-def test_logs_that_do_not_fit_together_are_refused(changes: dict[str, object], words: str) -> None:
-    with pytest.raises(ValueError, match=words):
-        log(**changes)
-
-
 SPEEDS = [600.0, 1500.0, 3000.0, 4500.0, 6000.0, 7200.0, 8400.0]
 CUTS = [
     (3000.0, 0.04, 6.0), (3000.0, 0.08, 6.0), (3000.0, 0.15, 6.0),
@@ -302,7 +282,7 @@ def test_all_of_it_scales_with_the_power_that_is_taken_for_known() -> None:
 
 @pytest.mark.parametrize(
     ("step", "noise"),
-    [STEPS[0], *(pytest.param(*one, marks=pytest.mark.proof) for one in STEPS[1:3]), STEPS[3]],
+    [*(pytest.param(*one, marks=pytest.mark.proof) for one in STEPS[:3]), STEPS[3]],
 )
 def test_the_truth_is_within_the_intervals(step: float, noise: float) -> None:
     """Each 95 % interval holds it in 90 of 100 seeds at least."""
@@ -320,28 +300,6 @@ def test_the_truth_is_within_the_intervals(step: float, noise: float) -> None:
             ]
         )
     assert hits.min() >= 90, hits
-
-
-def test_a_coarser_display_makes_wider_intervals() -> None:
-    """The same spindle with little noise, shown in tenths and in whole percents."""
-    width = {
-        step: np.median(
-            [
-                np.concatenate([idle.fit.half_width, force.fit.half_width])
-                for idle, force in (found(seed, step, 0.05, 0.0) for seed in range(20))
-            ],
-            axis=0,
-        )
-        for step in (0.1, 1.0)
-    }
-    assert (width[1.0] > 2.5 * width[0.1]).all()
-
-
-def test_more_samples_of_one_level_do_not_make_rounding_smaller() -> None:
-    """A load that stands still between two whole percents is as unsure after an hour."""
-    for many in (20, 20000):
-        found = levels(np.zeros(many, dtype=int), 50.0, np.full(many, 600.0), 150.0)
-        assert float(found.deviation[0]) == pytest.approx(150.0 / np.sqrt(12), rel=1e-9)
 
 
 def test_cuts_beyond_the_speeds_of_the_no_load_record_do_not_count() -> None:

@@ -246,13 +246,6 @@ class LoadLog:
     edge: Floats
     """Rates of the cut [m^3/s], [m^2/s]; 0 for a line in air; shape (T,)."""
 
-    def __post_init__(self) -> None:
-        columns = (self.speed, self.load, self.cut, self.removal, self.edge)
-        if any(len(column) != len(self.times) for column in columns):
-            raise ValueError(f"a column of the log has not the {len(self.times)} rows of its times")
-        if np.any(~(np.diff(self.times) >= 0.0)):
-            raise ValueError("the times of the log do not rise: sort its rows")
-
 
 def load_levels(log: LoadLog, scale: LoadScale, *, settle_s: float = 1.0) -> Levels:
     """Levels of a log: constant speed and cut for ``settle_s`` [s], the load's averaging time."""

@@ -295,7 +295,7 @@ def cut_log(log: Readings, lines: Lines, *, settle_s: float, name: str, program:
     """The log with the cut in which each reading was taken.
 
     Cuts are stretches of one engagement and one feed; where the spindle turns in lines that are
-    wholly in air, the reading is one without load, as of :func:`free_log`.
+    wholly in air, the reading is one without load, as of :func:`no_load_log`.
 
     ``settle_s`` [s] is how long speed and air must have been the same where a level without a cut
     begins; ``name`` and ``program`` are for messages. ValueError when the log is not of this
