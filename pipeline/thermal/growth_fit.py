@@ -110,7 +110,6 @@ class _Task:
         return int(np.argmax(rises)) if self.rise > 0 else None
 
     def _free(self) -> Ints:
-        """Indices of the identifiable parameters."""
         seen = np.zeros(self.sensors, bool)
         for record in self.records:
             seen |= np.isfinite(record.temperatures_C).any(axis=0)

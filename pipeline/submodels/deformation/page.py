@@ -139,7 +139,6 @@ def _key_figures(facts: GrowthFacts) -> list[tuple[str, str, str]]:
 
 
 def _goal_words(facts: GrowthFacts) -> list[str]:
-    """Targets of the paper beside the champion's errors."""
     verdict = facts.shown.verdict
     largest = COUNTS[0].worst(verdict)
     known = [] if verdict is None else [
@@ -166,7 +165,6 @@ def _goal_words(facts: GrowthFacts) -> list[str]:
 
 
 def _fault_words(one: SensorFault) -> str:
-    """Defect of a sensor and its begin, without a full stop."""
     off = ""
     if one.worst_K is not None:
         side = "high" if one.worst_K > 0 else "low"
@@ -178,7 +176,6 @@ def _fault_words(one: SensorFault) -> str:
 
 
 def _cost_words(facts: GrowthFacts) -> str:
-    """Errors with faulty sensors as they are, and with the others in their place."""
     if facts.cost is None:
         return ""
     return (
@@ -234,7 +231,6 @@ FAULTS: tuple[Column[SensorFault], ...] = (
 
 
 def _expected(facts: GrowthFacts) -> Section | None:
-    """Expectation: growth of the first hour, faulty sensors."""
     hour = facts.first_hour
     text = []
     if hour is not None:
@@ -268,7 +264,6 @@ def _tried(shown: Seen, model: DeformationModel) -> Iterator[Tried]:
 
 
 def _network(shown: Seen, model: DeformationModel) -> Figures:
-    """Bands of the best improved network over the sensors, and the groups of sensors."""
     path = shown.folder / "methods.json"
     stored = None if shown.shelf is None else shown.shelf.read(path, MethodsFile, "the training")
     weights = np.array(model.inputs.weights)
@@ -298,7 +293,6 @@ def _network(shown: Seen, model: DeformationModel) -> Figures:
 
 
 def _transitions(facts: GrowthFacts) -> Figures | None:
-    """Errors over the time since the spindle began to warm, and since it began to cool."""
     drawn = []
     for regime, verb, began in ((WARMING, "start or a higher speed", "to warm"),
                                 (COOLING, "stop or a lower speed", "to cool")):  # fmt: skip
