@@ -114,7 +114,6 @@ def run_program(shop: Shop, day: Timeline, start: int, run: Run) -> int:
 
 
 def _overrides(day: Timeline, t: int, run: Run, random: Random) -> None:
-    """Set overrides: slow for a first part, sometimes faster or slower later."""
     first = run.part == 1
     day.rapid_override[t:] = random.choice([25.0, 50.0]) if first else 100.0
     usual = [70.0, 80.0, 90.0, 100.0] if first else [80.0, 90.0, 100.0, 110.0, 120.0]
@@ -282,7 +281,6 @@ def _batches(shop: Shop, day: Timeline, t: int, end: float) -> int:
 
 
 def _changeover(shop: Shop, day: Timeline, t: int) -> int:
-    """A new job: set up by hand, try the spindle, touch the work."""
     p, random = shop.parameters, shop.random
     available = programs(p.programs, p.c_axis)
     shop.job = Job(

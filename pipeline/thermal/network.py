@@ -180,7 +180,7 @@ def temperatures(
 ) -> Floats:
     """Node temperatures [degC], shape (nodes, ..., T).
 
-    ValueError when ``dt`` is not positive, or the coolant's temperature is needed and missing.
+    ValueError when the coolant's temperature is needed and missing.
 
     Parameters
     ----------
@@ -208,8 +208,6 @@ def temperatures(
     >>> temperatures(np.zeros((61, len(SOURCES))), 30.0, p, 10.0)[0, -1].round(3).item()
     23.679
     """
-    if not (np.isfinite(dt) and dt > 0):
-        raise ValueError(f"dt = {dt} s must be positive")
     if coolant is None and parameters.coolant_rate > 0:
         raise ValueError(
             f"coolant_rate = {parameters.coolant_rate:g} 1/s needs the coolant's temperature: "

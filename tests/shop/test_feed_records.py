@@ -39,15 +39,6 @@ def test_every_file_is_read_whole_and_they_are_not_large(read):
     assert sum(p.stat().st_size for p in read.made.folder.rglob("*")) < 13e6
 
 
-def test_gaps_and_repeated_stamps_are_where_the_truth_says(read):
-    for name, told in read.told.items():
-        row = row_of(read, name)
-        lost = {g["row"] + k for g in told["gaps"] for k in range(g["lost"])}
-        assert len(told["gaps"]) == read.made.parameters.drives.tool.dropped
-        missing = set(range(round(told["seconds"] * RATE))) - set(row.tolist())
-        assert missing == lost | set(told["repeated"])
-
-
 def test_strokes_go_there_and_back_from_places_of_their_own(read):
     """100 mm twice at the feed, from standstill to standstill, in the machine's frame."""
     strokes = {n: f for n, f in read.told.items() if "axis" in f}

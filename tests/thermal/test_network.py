@@ -237,12 +237,6 @@ def test_parameters_that_no_spindle_has_are_refused(wrong, words):
         SpindleThermalParameters(**wrong)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("dt", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_step_that_is_not_positive_is_refused(dt):
-    with pytest.raises(ValueError, match=f"dt = {dt} s"):
-        temperatures(np.zeros((3, len(SOURCES))), 20.0, ONE, dt)
-
-
 def test_a_winding_on_a_fixed_body_relaxes_to_where_it_began():
     """Heated by 0.02 K/s for 20 time constants of 300 s it is 6 K above the body, then at it."""
     p = SpindleThermalParameters(

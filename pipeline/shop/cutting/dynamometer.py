@@ -298,7 +298,6 @@ def _motion_truth(motion: Motion, force: Floats, lead: int, cutting: Cutting) ->
 
 
 def _motion(test: CuttingTest, cutting: Cutting, random: Random) -> Motion:
-    """Position of the tool at each step of a recording, its lead included."""
     dynamometer, c = cutting.dynamometer, test.conditions
     planned, radius = dynamometer.series, cutting.tool.radius
     velocity, length = c.feed / 60e3, planned.block * 1e-3

@@ -111,7 +111,6 @@ def _moved(
 def _stepped(
     m: Machine, x: tuple[float, float, float, float, float], u_d: float, u_q: float, load: float
 ) -> tuple[float, float, float, float, float]:
-    """State after one step of Runge and Kutta."""
     h = m.period / m.steps
     a = _change(m, x, u_d, u_q, load)
     b = _change(m, _moved(x, a, h / 2), u_d, u_q, load)

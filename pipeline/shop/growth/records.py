@@ -356,7 +356,6 @@ def _died(
 
 
 def _blanked(table: Floats, stand: Instruments, random: Random) -> list[dict[str, object]]:
-    """Take single values out of ``table``, of any column but the time; which ones."""
     cells = []
     for _ in range(int(random.poisson(stand.missing))):
         row, column = int(random.integers(1, len(table))), int(random.integers(2, table.shape[1]))
@@ -412,7 +411,6 @@ def _recorded(folder: Path, net: Network, profile: Profile, logger: _Logger) -> 
 
 
 def _text(table: Floats, profile: Profile, parameters: ShopParameters) -> str:
-    """One file: a block about the logger, names, units, rows."""
     stand = parameters.growth.instruments
     comma, western = stand.decimal == ",", stand.encoding == "cp1252"
     separator = ";" if comma else ","

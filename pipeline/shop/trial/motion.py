@@ -382,7 +382,6 @@ def swept(tip: Floats, tool: Ints, steps: tuple[Step, ...], job: TrialJob) -> Sw
 
 
 def _touched(tip: Floats, blank: Box, radius: float) -> tuple[float, float, float, float]:
-    """The part of the blank that the tool reaches: x, y from and to [mm]."""
     low = tip[tip[:, 2] < blank[5]]
     if not len(low):
         return blank[0], blank[0], blank[2], blank[2]

@@ -125,7 +125,6 @@ def _summary(cuts: Sequence[Trial]) -> dict[str, Any]:
 
 
 def _spread(values: ArrayLike, digits: int) -> dict[str, float]:
-    """Mean, least and greatest value."""
     return {f: round(float(getattr(np, f)(values)), digits) for f in ("mean", "min", "max")}
 
 

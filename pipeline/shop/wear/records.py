@@ -247,8 +247,6 @@ def _measured(wear: Wear, mean: Floats, random: Random) -> Floats:
 
 @dataclass(frozen=True, kw_only=True)
 class _Cut:
-    """One recorded cut: what is true of it."""
-
     conditions: Conditions
     workpiece: Workpiece
     window: Window
@@ -273,7 +271,6 @@ def _cut(wear: Wear, life: Course, k: int, random: Random) -> _Cut:
 
 
 def _motion(wear: Wear, c: Conditions, window: Window, radius: float, random: Random) -> Motion:
-    """Position of the tool at each step of a record, its lead included."""
     rate, velocity, length = wear.sensors.rate * FINE, c.feed / 60e3, BLOCK * 1e-3
     ramp = AIR + radius / velocity if window != "inside" else 0.0
     steps = round((wear.sensors.seconds + ramp + LEAD) * rate)

@@ -107,8 +107,6 @@ def stratified(regime: Any, among: Any, many: int, seed: int) -> Any:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Task:
-    """A network to be trained, and windows to predict then."""
-
     kind: str
     windows: Windows
     others: Floats
@@ -194,7 +192,6 @@ def _folds(part: Sampled, settings: CompensationFitSettings) -> list[tuple[_Task
 
 
 def _two_or_more(part: Sampled, settings: CompensationFitSettings) -> list[str]:
-    """Groups, where some can be left out."""
     groups = part.groups
     if len(groups) < 2:
         raise ValueError(
@@ -218,7 +215,6 @@ def _use_fit(
     part: Sampled, place: tuple[str, str], by_time: bool, settings: CompensationFitSettings,
     done: Mapping[tuple[str, str, str, int], tuple[Mapping[str, Any], Floats]],
 ) -> UseFit:  # fmt: skip
-    """Champion and interval from what was left out."""
     letter, use = place
     kinds = settings.kinds if use == PREDICTION else settings.estimators
     lefts = [left for _, left in _folds(part, settings)]

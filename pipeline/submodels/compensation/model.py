@@ -395,7 +395,6 @@ def to_and_fro(speed: float) -> Floats:
 def _attended(
     model: Compensation, letter: str, speed: float, drive: IdentifiedDrive | None
 ) -> AttentionShown:
-    """Mean attention of the folds' networks by regime."""
     reference = to_and_fro(speed)
     of_model = None if drive is None else modelled_following(letter, reference, PERIOD, drive)
     signals = before_motion(reference, PERIOD, of_model, model.file.lead_mm.get(letter))

@@ -80,7 +80,6 @@ def content(shown: Seen) -> PageContent:
 
 
 def _tried(shown: Seen, model: CompensationModel, titles: dict[str, str]) -> Iterator[Tried]:
-    """Every network of every axis and use."""
     for letter, uses in model.axes.items():
         for use, one in uses.items():
             verdict = shown.verdict
@@ -94,7 +93,6 @@ def _tried(shown: Seen, model: CompensationModel, titles: dict[str, str]) -> Ite
 
 
 def _facts(model: CompensationModel) -> Iterator[str]:
-    """Facts of the training: data, leakage, architecture search."""
     by_time = [axis for axis, uses in model.axes.items()
                if any(one.by_time for one in uses.values())]  # fmt: skip
     if by_time:
@@ -140,7 +138,6 @@ def _setting(name: str) -> str:
 
 
 def _attention(shown: Seen, model: CompensationModel) -> Figures | None:
-    """Attention of the network over time, by regime."""
     one = model.attention
     if one is None or not one.weights:
         return None
@@ -163,7 +160,6 @@ def _attention(shown: Seen, model: CompensationModel) -> Figures | None:
 
 
 def _history(shown: Seen, model: CompensationModel) -> Figures | None:
-    """Best validation error by generation."""
     search = model.search
     if search is None or not search.history_um:
         return None

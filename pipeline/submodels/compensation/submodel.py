@@ -397,7 +397,6 @@ def others_of(one: UseModel) -> tuple[str, ...]:
 
 
 def _facts(frame: pd.DataFrame, letter: str, use: str) -> dict[str, Fact]:
-    """Share of the greatest error that is gone, against the baseline."""
     base = TWIN if use == PREDICTION else PERSISTENCE
     name = f"baseline_{base}"
     if name not in frame.columns:

@@ -50,7 +50,6 @@ class Written:
 
 
 def _head(done: Written) -> Iterator[str]:
-    """Head of every file, in whole lines."""
     correction = done.correction
     below, above = correction.interval_um
     yield f"Kerf: correction of spindle growth, {done.machine}{done.simulated}"
@@ -189,8 +188,6 @@ def control_lines(done: Written, on: Control) -> Iterator[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class _Text:
-    """Pieces of a control's text."""
-
     correction: Correction
     on: Control
     names: Mapping[str, str]

@@ -129,8 +129,6 @@ def since_start(name: str, values: Floats) -> Floats:
 
 @dataclass(eq=False)
 class _Sums:
-    """Coefficients that are added up while a regression is taken apart."""
-
     terms: dict[tuple[str, tuple[float, ...]], float] = field(
         default_factory=lambda: defaultdict(float)
     )
@@ -249,7 +247,6 @@ Lags = TypeVar("Lags")
 
 
 def _taken(sums: dict[tuple[str, Lags], float], name: str) -> list[tuple[tuple[str, Lags], float]]:
-    """Entries of an input, taken out of the sums."""
     keys = [key for key in sums if key[0] == name]
     return [(key, sums.pop(key)) for key in keys]
 
@@ -259,14 +256,12 @@ def _rounded(value: float) -> float:
 
 
 def _terms(sums: _Sums) -> tuple[Term, ...]:
-    """Non-zero terms, by lags and then by name."""
     every = sorted(sums.terms.items(), key=lambda one: (len(one[0][1]), one[0][1], one[0][0]))
     found = (Term(input=name, lags_s=chain, um=_rounded(um)) for (name, chain), um in every)
     return tuple(one for one in found if one.um != 0)
 
 
 def _start_terms(sums: _Sums) -> tuple[StartTerm, ...]:
-    """Non-zero terms of the start, by lag and then by name."""
     every = sorted(sums.starts.items(), key=lambda one: (one[0][1], one[0][0]))
     found = (
         StartTerm(input=name, lag_s=constant, um=_rounded(um)) for (name, constant), um in every

@@ -14,14 +14,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.charts.bands import Axis, Strip
-from pipeline.charts.numbers import instant, moment
+from pipeline.charts.bands import Axis, Strip, axis, band, readings, strips_figure
+from pipeline.charts.numbers import TOGETHER, counted, fixed, instant, joined, moment
+from pipeline.charts.sections import Figure, Figures
+from pipeline.charts.submodel_page import made_from
+from pipeline.nets.settings import FuzzyFilteredSettings
 from pipeline.schema.arrays import Floats
 from pipeline.schema.si import HOUR, MINUTE
 from pipeline.schema.verdict import Verdict
+from pipeline.signals.store import parquet_name
 from pipeline.submodels.contract import Shown
-from pipeline.submodels.deformation.model import DeformationModel
-from pipeline.submodels.deformation.records import GROWTH
+from pipeline.submodels.deformation.model import COOLING, WARMING, DeformationModel, MethodsFile
+from pipeline.submodels.deformation.records import AMBIENT, GROWTH, SPEED
 
 GOAL_MAX_UM, GOAL_MAPE = 6.0, 0.7
 """Goals of FFNN2015: largest error [um] on a range of 50 um, and relative error [%]."""
@@ -280,16 +284,6 @@ def transitions(runs: Sequence[tuple[Floats, Floats]]) -> Transitions | None:
                        high=values[2, :last], count=len(runs))  # fmt: skip
 
 
-def transition_strip(one: Transitions, limit: float | None) -> Strip:
-    """Median and 90 % of the errors over the time since a start or a stop."""
-    return Strip(
-        head="Model less measured, µm", height=150, zero=True,
-        areas=[("s-band", one.minutes, one.low, one.high)],
-        curves=[("window", one.minutes, one.middle)],
-        levels=() if limit is None else (-limit, limit),
-    )  # fmt: skip
-
-
 def network_bands(document: Mapping[str, Any], sensors: int) -> Floats:
     """Centre and width [channels] of each band of a stored fuzzy-filtered network, shape (J, 2)."""
     places = np.asarray(document["state"]["places"], dtype=float)
@@ -304,7 +298,7 @@ def gaussian(at: Floats, bands: Floats) -> Floats:
     return result
 
 
-def network_strips(bands: Floats | None, weights: Floats) -> tuple[list[Strip], Axis]:
+def _network_strips(bands: Floats | None, weights: Floats) -> tuple[list[Strip], Axis]:
     """Bands (J, 2) of the network over the sensors, and the weight of each sensor in its group.
 
     ``weights`` (3, S) are those in front, middle and rear [1].
@@ -325,3 +319,100 @@ def network_strips(bands: Floats | None, weights: Floats) -> tuple[list[Strip], 
     ))  # fmt: skip
     marks = [(float(k), str(int(k))) for k in at]
     return strips, Axis(words="Sensor, from front to rear", span=(0.5, many + 0.5), marks=marks)
+
+
+def um(value: float, decimals: int = 0) -> str:
+    """A length with its unit."""
+    return f"{fixed(value, decimals)}{TOGETHER}µm"
+
+
+def network_figures(shown: Seen, model: DeformationModel) -> Figures:
+    """Bands of the best improved network over the sensors, and the groups of sensors."""
+    path = shown.folder / "methods.json"
+    stored = None if shown.shelf is None else shown.shelf.read(path, MethodsFile, "the training")
+    weights = np.array(model.inputs.weights)
+    improved = [] if stored is None else [
+        (model.compared[name].rmse_um, name) for name, found in stored.documents.items()
+        if found and found[0].get("kind") == FuzzyFilteredSettings.kind and name in model.compared
+    ]  # fmt: skip
+    bands, words = None, "Weight of each sensor in front, middle and rear (fuzzy c-means)"
+    if stored is not None and improved:
+        name = min(improved)[1]
+        bands = network_bands(stored.documents[name][0], weights.shape[1])
+        centres = joined([fixed(c + 1, 1) for c, _ in bands])
+        words = (
+            f"Above: bands of “{model.compared[name].label}” (first seed) over the sensors, "
+            f"centred at sensor {centres}. Below: weight of each sensor in front, middle and rear "
+            "(fuzzy c-means)"
+        )
+    names = "; ".join(f"{k + 1} {name}" for k, name in enumerate(model.sensors.sensors))
+    caption = f"{words}. Sensors: {names}."
+    strips, below = _network_strips(bands, weights)
+    figure = Figure(svg=strips_figure(strips, below, caption), caption=caption,
+                    sources=made_from(shown, "model.json", "methods.json"))  # fmt: skip
+    legend = [(f"s-{css}", name, "box") for css, name in
+              zip(GROUP_CURVES, GROUP_NAMES, strict=True)]  # fmt: skip
+    return Figures(figures=[figure], legend=legend, kind="one",
+                   folded="How the sensors are grouped, and what the network looks at")  # fmt: skip
+
+
+def transition_figures(facts: GrowthFacts) -> Figures | None:
+    """Errors over the time since the spindle began to warm, and since it began to cool."""
+    drawn = []
+    for regime, verb, began in ((WARMING, "start or a higher speed", "to warm"),
+                                (COOLING, "stop or a lower speed", "to cool")):  # fmt: skip
+        one = transitions(facts.runs(regime))
+        if one is None:
+            continue
+        caption = (
+            f"After a {verb}: error of the model since the spindle began {began}, over "
+            f"{counted(one.count, 'time')}; 90 % of the samples lie within {um(one.widest, 1)}."
+        )
+        below = axis("Time, min", (0.0, float(one.minutes[-1]) + BIN_MIN / 2))
+        strip = Strip(
+            head="Model less measured, µm", height=150, zero=True,
+            areas=[("s-band", one.minutes, one.low, one.high)],
+            curves=[("window", one.minutes, one.middle)],
+            levels=() if facts.limit is None else (-facts.limit, facts.limit),
+        )  # fmt: skip
+        drawn.append(Figure(svg=strips_figure([strip], below, caption), caption=caption,
+                            sources=made_from(facts.shown, "predictions.parquet")))  # fmt: skip
+    legend = [("l-window", "median", "line"), ("s-band", "90 % of the samples", "box")]
+    return Figures(figures=drawn, legend=legend) if drawn else None
+
+
+def signal_legend(facts: GrowthFacts) -> list[tuple[str, str, str]]:
+    """Legend of a recording's signals."""
+    groups = [(f"l-{css}", f"sensors, {name}", "line") for css, name in
+              zip(GROUP_CURVES, GROUP_NAMES, strict=True)]  # fmt: skip
+    faulty = [("l-batch", "faulty sensor", "dots")] if facts.faults else []
+    return [*groups, ("l-speed", "air, spindle speed", "line"), *faulty]
+
+
+def signal_strips(facts: GrowthFacts, case: str) -> list[Strip]:
+    """Temperatures and speed of a recording; none where its signals are not there."""
+    shown = facts.shown
+    if shown.signals is None or shown.model is None or shown.shelf is None:
+        return []
+    names = shown.model.sensors.sensors
+    path = shown.signals / "traces" / parquet_name(case)
+    table = shown.shelf.table(path, ("t", *names, AMBIENT, SPEED), "raw files, by reading",
+                              all_of=False)  # fmt: skip
+    if table is None or "t" not in table.column_names:
+        return []
+    columns = {name: readings(table.column(name).to_numpy().astype(float))
+               for name in table.column_names}  # fmt: skip
+    minutes = (columns["t"] - columns["t"][0]) / MINUTE
+    faulty = {one.sensor for one in facts.faults if one.case <= case}
+    group = np.array(shown.model.inputs.weights).argmax(axis=0)
+    curves = [("batch" if name in faulty else GROUP_CURVES[k], minutes, columns[name])
+              for k, name in zip(group, names, strict=True) if name in columns]  # fmt: skip
+    if AMBIENT in columns:
+        curves.append(("speed", minutes, columns[AMBIENT]))
+    sound = band(0, 1, *(y for css, _, y in curves if css != "batch"))
+    strips = [Strip(head="Temperatures, °C", height=120, curves=curves, unit="°C",
+                    scale=(sound.low, sound.high))]  # fmt: skip
+    if SPEED in columns:
+        strips.append(Strip(head="Spindle speed, rev/min", height=44, zero=True,
+                            curves=[("speed", minutes, columns[SPEED])]))  # fmt: skip
+    return strips

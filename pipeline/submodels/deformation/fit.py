@@ -218,8 +218,6 @@ def _agreement(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Task:
-    """A method to be fitted, and recordings to predict then."""
-
     method: str
     seed: int
     budget: Budget
@@ -387,7 +385,6 @@ def _linear_left_out(x: Sequence[Floats], growth: Sequence[Floats]) -> float:
 def _residuals(
     examples: Sequence[Example], predicted: Sequence[Floats], settings: DeformationFitSettings
 ) -> Residuals:
-    """Errors of the method that serves on recordings left out, by regime."""
     return Residuals.joined(
         Residuals(
             error=one.growth - growth.mean(axis=0),

@@ -223,10 +223,9 @@ class GrowthModel:
         Each stretch of time is predicted from the state of the sensors in it.
         """
         ensemble = self.ensembles[name] if name else self.champion
-        whole = [(first, ensemble.each(inputs)) for first, inputs in pieces]
-        result = whole[0][1].copy()
-        for first, growth in whole[1:]:
-            result[:, first:] = growth[:, first:]
+        result = ensemble.each(pieces[0][1])
+        for first, inputs in pieces[1:]:
+            result[:, first:] = ensemble.each(inputs)[:, first:]
         return result
 
     def withheld(self, pieces: Sequence[tuple[int, Inputs]], growth: Floats) -> np.ndarray:

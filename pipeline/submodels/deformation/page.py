@@ -4,29 +4,31 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pipeline.charts.bands import Strip, axis, band, readings, strips_figure
 from pipeline.charts.judged import Tried, case_words
-from pipeline.charts.numbers import NARROW, TOGETHER, counted, fixed, joined, number, signed
+from pipeline.charts.numbers import NARROW, TOGETHER, counted, fixed, number, signed
 from pipeline.charts.parameters import listed
-from pipeline.charts.sections import Action, Figure, Figures, Section, present
+from pipeline.charts.sections import Action, Section, present
 from pipeline.charts.submodel_page import Counting, Drawn, PageContent, made_from
 from pipeline.charts.tables import Cell, Column, Table, tabulated
-from pipeline.nets.settings import FuzzyFilteredSettings
 from pipeline.schema.si import MINUTE
 from pipeline.schema.verdict import Score
-from pipeline.signals.store import parquet_name
-from pipeline.submodels.deformation import figures
 from pipeline.submodels.deformation.figures import (
     GOAL_MAPE,
     GOAL_MAX_UM,
+    GROUP_NAMES,
     FirstHour,
     GrowthFacts,
     Seen,
     SensorFault,
+    network_figures,
+    signal_legend,
+    signal_strips,
+    transition_figures,
+    um,
 )
 from pipeline.submodels.deformation.methods import METHODS, PERSISTENCE
-from pipeline.submodels.deformation.model import COOLING, WARMING, DeformationModel, MethodsFile
-from pipeline.submodels.deformation.records import AMBIENT, GROWTH, SPEED
+from pipeline.submodels.deformation.model import DeformationModel
+from pipeline.submodels.deformation.records import GROWTH
 from pipeline.submodels.deformation.sensors import DEAD
 
 COUNTS = (
@@ -66,16 +68,16 @@ def content(shown: Seen) -> PageContent:
         actions=list(_actions(facts, warm)),
         meaning=listed({
             f"{name}_growth_per_kelvin": f"growth for each kelvin of the sensors at the {name}"
-            for name in figures.GROUP_NAMES
+            for name in GROUP_NAMES
         }),
-        figures=[] if model is None else [_network(shown, model)],
+        figures=[] if model is None else [network_figures(shown, model)],
         tried=[] if model is None else list(_tried(shown, model)),
         drawn=[Drawn(
             quantity=GROWTH, error="max", axis="Time, min", factor=1 / MINUTE,
-            beside=lambda case: _signals(facts, case), legend=_legend(facts),
+            beside=lambda case: signal_strips(facts, case), legend=signal_legend(facts),
         )],
         shown_facts=("R", "MAPE", "range", "faulty", "largest error"),
-        of_judgement=[_transitions(facts)],
+        of_judgement=[transition_figures(facts)],
         first=[_expected(facts)],
     )  # fmt: skip
 
@@ -87,10 +89,6 @@ def _sentence(words: str) -> str:
     return f"{words[:1].upper()}{words[1:].rstrip('.')}."
 
 
-def _um(value: float, decimals: int = 0) -> str:
-    return f"{fixed(value, decimals)}{TOGETHER}µm"
-
-
 def _speed_words(speed: float | None) -> str:
     return "" if speed is None else f" at up to {number(round(speed))}{NARROW}rev/min"
 
@@ -99,7 +97,7 @@ def _interval_words(facts: GrowthFacts, hour: FirstHour) -> str:
     verdict = facts.shown.verdict
     if verdict is not None and (GROWTH, "") in verdict.unknown_intervals:
         return "90 % interval not known"
-    return f"90 % interval {fixed(hour.low, 0)} to {_um(hour.high)}"
+    return f"90 % interval {fixed(hour.low, 0)} to {um(hour.high)}"
 
 
 def _hour_words(facts: GrowthFacts) -> str:
@@ -109,7 +107,7 @@ def _hour_words(facts: GrowthFacts) -> str:
         return ""
     return (
         f"In its first hour{_speed_words(hour.speed)} the spindle grows by up to "
-        f"{_um(hour.growth)} ({_interval_words(facts, hour)})"
+        f"{um(hour.growth)} ({_interval_words(facts, hour)})"
     )
 
 
@@ -119,7 +117,7 @@ def _warm_words(facts: GrowthFacts) -> str:
     if hour is None:
         return ""
     sure = verdict is not None and verdict.status == "passed"
-    rest = f" (the rest of the hour then moves less than {_um(hour.within_um)})"
+    rest = f" (the rest of the hour then moves less than {um(hour.within_um)})"
     return (
         f"warm up for {fixed(np.ceil(hour.settled_min), 0)}{TOGETHER}min"
         f"{_speed_words(hour.speed)} before finishing cuts"
@@ -131,7 +129,7 @@ def _key_figures(facts: GrowthFacts) -> list[tuple[str, str, str]]:
     found = []
     if (hour := facts.first_hour) is not None:
         aside = f"{_interval_words(facts, hour)},{_speed_words(hour.speed)}".rstrip(",")
-        found.append(("Growth in the first hour", _um(hour.growth), aside))
+        found.append(("Growth in the first hour", um(hour.growth), aside))
     if facts.faults:
         named = ", ".join(one.sensor for one in facts.faults)
         found.append(("Faulty temperature sensors", str(len(facts.faults)), named))
@@ -139,7 +137,6 @@ def _key_figures(facts: GrowthFacts) -> list[tuple[str, str, str]]:
 
 
 def _goal_words(facts: GrowthFacts) -> list[str]:
-    """Targets of the paper beside the champion's errors."""
     verdict = facts.shown.verdict
     largest = COUNTS[0].worst(verdict)
     known = [] if verdict is None else [
@@ -148,7 +145,7 @@ def _goal_words(facts: GrowthFacts) -> list[str]:
         if name.startswith("MAPE") and isinstance(fact.value, float | int)
     ]  # fmt: skip
     goals = (
-        f"Goals (FFNN2015): largest error below {_um(GOAL_MAX_UM)} and relative error (MAPE, "
+        f"Goals (FFNN2015): largest error below {um(GOAL_MAX_UM)} and relative error (MAPE, "
         f"growth below 5 µm counting as 5 µm) below {fixed(GOAL_MAPE, 1)} %."
     )
     if largest is None or largest.max is None or not known:
@@ -156,7 +153,7 @@ def _goal_words(facts: GrowthFacts) -> list[str]:
     met = ["met" if value < goal else "missed"
            for value, goal in ((largest.max, GOAL_MAX_UM), (max(known), GOAL_MAPE))]  # fmt: skip
     return [
-        f"{goals} The method that serves: largest error {_um(largest.max, 1)}, {met[0]}; MAPE up "
+        f"{goals} The method that serves: largest error {um(largest.max, 1)}, {met[0]}; MAPE up "
         f"to {fixed(max(known), 1)} %, {met[1]}. The published figures rest on a test run that may "
         "be the training run."
     ]
@@ -166,7 +163,6 @@ def _goal_words(facts: GrowthFacts) -> list[str]:
 
 
 def _fault_words(one: SensorFault) -> str:
-    """Defect of a sensor and its begin, without a full stop."""
     off = ""
     if one.worst_K is not None:
         side = "high" if one.worst_K > 0 else "low"
@@ -178,12 +174,11 @@ def _fault_words(one: SensorFault) -> str:
 
 
 def _cost_words(facts: GrowthFacts) -> str:
-    """Errors with faulty sensors as they are, and with the others in their place."""
     if facts.cost is None:
         return ""
     return (
-        f"Read as they are they would put the predicted growth off by up to {_um(facts.cost[0])}; "
-        f"the model does without them and is off by up to {_um(facts.cost[1], 1)}."
+        f"Read as they are they would put the predicted growth off by up to {um(facts.cost[0])}; "
+        f"the model does without them and is off by up to {um(facts.cost[1], 1)}."
     )
 
 
@@ -234,15 +229,14 @@ FAULTS: tuple[Column[SensorFault], ...] = (
 
 
 def _expected(facts: GrowthFacts) -> Section | None:
-    """Expectation: growth of the first hour, faulty sensors."""
     hour = facts.first_hour
     text = []
     if hour is not None:
         text.append(
             f"{_hour_words(facts)}: the largest of {counted(hour.others, 'recording')} that last "
-            f"an hour, {case_words(hour.case)}, where the probe read {_um(hour.measured)} at that "
+            f"an hour, {case_words(hour.case)}, where the probe read {um(hour.measured)} at that "
             f"time. From minute {fixed(hour.settled_min, 0)} the rest of that hour moves less than "
-            f"{_um(hour.within_um)}."
+            f"{um(hour.within_um)}."
         )
     table: Table | None = tabulated(
         "Faulty temperature sensors", facts.faults, FAULTS, made_from(facts.shown, "verdict.json"),
@@ -254,9 +248,6 @@ def _expected(facts: GrowthFacts) -> Section | None:
     return Section(key="growth", title=title, text=text, blocks=present(table))
 
 
-# ---- figures
-
-
 def _tried(shown: Seen, model: DeformationModel) -> Iterator[Tried]:
     total: Score | None = COUNTS[0].worst(shown.verdict)
     for name, one in model.compared.items():
@@ -265,89 +256,3 @@ def _tried(shown: Seen, model: DeformationModel) -> Iterator[Tried]:
         yield Tried(label=one.label, error=one.rmse_um, unit="µm", spread=spread,
                     serves=name == model.champion,
                     later=total if name == model.champion else later)  # fmt: skip
-
-
-def _network(shown: Seen, model: DeformationModel) -> Figures:
-    """Bands of the best improved network over the sensors, and the groups of sensors."""
-    path = shown.folder / "methods.json"
-    stored = None if shown.shelf is None else shown.shelf.read(path, MethodsFile, "the training")
-    weights = np.array(model.inputs.weights)
-    improved = [] if stored is None else [
-        (model.compared[name].rmse_um, name) for name, found in stored.documents.items()
-        if found and found[0].get("kind") == FuzzyFilteredSettings.kind and name in model.compared
-    ]  # fmt: skip
-    bands, words = None, "Weight of each sensor in front, middle and rear (fuzzy c-means)"
-    if stored is not None and improved:
-        name = min(improved)[1]
-        bands = figures.network_bands(stored.documents[name][0], weights.shape[1])
-        centres = joined([fixed(c + 1, 1) for c, _ in bands])
-        words = (
-            f"Above: bands of “{model.compared[name].label}” (first seed) over the sensors, "
-            f"centred at sensor {centres}. Below: weight of each sensor in front, middle and rear "
-            "(fuzzy c-means)"
-        )
-    names = "; ".join(f"{k + 1} {name}" for k, name in enumerate(model.sensors.sensors))
-    caption = f"{words}. Sensors: {names}."
-    strips, below = figures.network_strips(bands, weights)
-    figure = Figure(svg=strips_figure(strips, below, caption), caption=caption,
-                    sources=made_from(shown, "model.json", "methods.json"))  # fmt: skip
-    legend = [(f"s-{css}", name, "box") for css, name in
-              zip(figures.GROUP_CURVES, figures.GROUP_NAMES, strict=True)]  # fmt: skip
-    return Figures(figures=[figure], legend=legend, kind="one",
-                   folded="How the sensors are grouped, and what the network looks at")  # fmt: skip
-
-
-def _transitions(facts: GrowthFacts) -> Figures | None:
-    """Errors over the time since the spindle began to warm, and since it began to cool."""
-    drawn = []
-    for regime, verb, began in ((WARMING, "start or a higher speed", "to warm"),
-                                (COOLING, "stop or a lower speed", "to cool")):  # fmt: skip
-        one = figures.transitions(facts.runs(regime))
-        if one is None:
-            continue
-        caption = (
-            f"After a {verb}: error of the model since the spindle began {began}, over "
-            f"{counted(one.count, 'time')}; 90 % of the samples lie within {_um(one.widest, 1)}."
-        )
-        below = axis("Time, min", (0.0, float(one.minutes[-1]) + figures.BIN_MIN / 2))
-        strip = figures.transition_strip(one, facts.limit)
-        drawn.append(Figure(svg=strips_figure([strip], below, caption), caption=caption,
-                            sources=made_from(facts.shown, "predictions.parquet")))  # fmt: skip
-    legend = [("l-window", "median", "line"), ("s-band", "90 % of the samples", "box")]
-    return Figures(figures=drawn, legend=legend) if drawn else None
-
-
-def _legend(facts: GrowthFacts) -> list[tuple[str, str, str]]:
-    groups = [(f"l-{css}", f"sensors, {name}", "line") for css, name in
-              zip(figures.GROUP_CURVES, figures.GROUP_NAMES, strict=True)]  # fmt: skip
-    faulty = [("l-batch", "faulty sensor", "dots")] if facts.faults else []
-    return [*groups, ("l-speed", "air, spindle speed", "line"), *faulty]
-
-
-def _signals(facts: GrowthFacts, case: str) -> list[Strip]:
-    """Temperatures and speed of a recording; none where its signals are not there."""
-    shown = facts.shown
-    if shown.signals is None or shown.model is None or shown.shelf is None:
-        return []
-    names = shown.model.sensors.sensors
-    path = shown.signals / "traces" / parquet_name(case)
-    table = shown.shelf.table(path, ("t", *names, AMBIENT, SPEED), "raw files, by reading",
-                              all_of=False)  # fmt: skip
-    if table is None or "t" not in table.column_names:
-        return []
-    columns = {name: readings(table.column(name).to_numpy().astype(float))
-               for name in table.column_names}  # fmt: skip
-    minutes = (columns["t"] - columns["t"][0]) / MINUTE
-    faulty = {one.sensor for one in facts.faults if one.case <= case}
-    group = np.array(shown.model.inputs.weights).argmax(axis=0)
-    curves = [("batch" if name in faulty else figures.GROUP_CURVES[k], minutes, columns[name])
-              for k, name in zip(group, names, strict=True) if name in columns]  # fmt: skip
-    if AMBIENT in columns:
-        curves.append(("speed", minutes, columns[AMBIENT]))
-    sound = band(0, 1, *(y for css, _, y in curves if css != "batch"))
-    strips = [Strip(head="Temperatures, °C", height=120, curves=curves, unit="°C",
-                    scale=(sound.low, sound.high))]  # fmt: skip
-    if SPEED in columns:
-        strips.append(Strip(head="Spindle speed, rev/min", height=44, zero=True,
-                            curves=[("speed", minutes, columns[SPEED])]))  # fmt: skip
-    return strips

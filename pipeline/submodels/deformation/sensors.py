@@ -297,7 +297,6 @@ class SensorModel:
         self, state: State, vector: Floats, sensor: int, gone: frozenset[int], since: int,
         holes: Bools,
     ) -> Fault:  # fmt: skip
-        """Fault of a blamed sensor, from the record."""
         off = state.temperatures[:, sensor] - self.expected(vector, sensor, gone)
         silent = bool(holes[since:, sensor].mean() > 0.5)
         # a jump is over within minutes, a drift takes longer than the mean over which it counts

@@ -234,7 +234,6 @@ def calibrated(
 
 
 def _without_bands(settings: IntervalSettings) -> SpindleIntervals:
-    """Regimes of the intervals, before they are calibrated."""
     return SpindleIntervals(
         trend_s=settings.trend_s, steady_K_h=settings.steady_K_h,
         windows_horizons_s=settings.windows_horizons_s,

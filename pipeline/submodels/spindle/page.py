@@ -83,7 +83,6 @@ def content(shown: Seen) -> PageContent:
 
 
 def _facts(model: SpindleModelFile) -> Iterator[str]:
-    """Facts of the network, its time constants, benefit of the forest."""
     nodes = model.fit.nodes
     body = _body_words(model.network)
     yield (
@@ -132,7 +131,6 @@ FIGURES: tuple[Column[tuple[str, str]], ...] = (
 
 
 def _fit(shown: Seen, model: SpindleModelFile) -> Table | None:
-    """Figures of the fit itself."""
     fit = model.fit
     rows = [
         *((f"RMSE on {'hours' if name.endswith(', hours') else 'days'} left out, "
