@@ -12,21 +12,7 @@ from pipeline.charts.numbers import counted, duration, number
 from pipeline.charts.sections import Figure, Figures, Section, present
 from pipeline.charts.sources import Source
 from pipeline.charts.svg import anchor
-from pipeline.report.cut.tables import (
-    MOST_SPANS,
-    NO_COST,
-    axes_table,
-    basis_table,
-    cost_table,
-    edge_words,
-    edges_table,
-    forces_table,
-    intervals_table,
-    sentence,
-    share,
-    warnings_pairs,
-    worst_table,
-)
+from pipeline.report.cut import tables
 from pipeline.report.programs.panels import Panel, clock, tool_spans
 from pipeline.report.programs.simulated import Program, feed_classes, time_section
 from pipeline.report.standalone_page import (
@@ -232,7 +218,9 @@ def cut_page(shown: SimulatedCut, sources: list[Source]) -> StandalonePage:
         _stability_section(cut, sources),
         None if shown.time is None else _time_section(shown.time, sources),
         Section(
-            key="cost", title="Time, tool life and cost", blocks=present(cost_table(cut, sources))
+            key="cost",
+            title="Time, tool life and cost",
+            blocks=present(tables.cost_table(cut, sources)),
         ),
         _basis_section(cut, sources),
     ]
@@ -285,13 +273,14 @@ def _nearest(cut: ProgramCut) -> list[str]:
     what = binds if binds == "stability" else f"the {binds.removesuffix(' limit')}"
     guessed = binds == "stability" and not cut.dynamics_measured
     doubt = ", by dynamics that were not measured" if guessed else ""
-    return [f"{where} is {what}: {share(used)} in line {line}{doubt}."]
+    return [f"{where} is {what}: {tables.share(used)} in line {line}{doubt}."]
 
 
 def _sentences(warnings: Iterable[CutWarning]) -> list[str]:
     """Each warning with how many blocks it holds for."""
     return [
-        f"{sentence(one.what)}{'' if one.blocks is None else f' in {counted(one.blocks, BLOCK)}'}."
+        tables.sentence(one.what)
+        + ("." if one.blocks is None else f" in {counted(one.blocks, BLOCK)}.")
         for one in warnings
     ]
 
@@ -304,12 +293,12 @@ def _key_figures(cut: ProgramCut) -> list[tuple[str, str, str]]:
     return [
         ("Peak load", _with_unit(total.peak_load_N, "N"), ", ".join(where)),
         ("Peak power", _with_unit(total.power_kW, "kW"),
-         "drive not known" if driven is None else f"{share(driven)} of the drive"),
+         "drive not known" if driven is None else f"{tables.share(driven)} of the drive"),
         ("Removed", _with_unit(total.volume_cm3, "cm³"),
          f"{_with_unit(total.removal_rate_cm3_min, 'cm³/min')} while cutting"),
         ("Program", duration(total.time_s),
-         "" if air is None else f"{share(air)} of the time at feed in air"),
-        _cost_figure(total.cost or NO_COST, cut.currency or ""),
+         "" if air is None else f"{tables.share(air)} of the time at feed in air"),
+        _cost_figure(total.cost or tables.NO_COST, cut.currency or ""),
     ]  # fmt: skip
 
 
@@ -346,18 +335,18 @@ def _load_section(program: str, cut: ProgramCut, sources: list[Source]) -> Secti
         text=[
             "Each column is a stretch of time; lowest and highest values of a column are drawn, so "
             "that no peak is lost.",
-            *edge_words(cut.edges),
+            *tables.edge_words(cut.edges),
         ],
-        pairs=warnings_pairs(cut.warnings, MOST_SPANS),
+        pairs=tables.warnings_pairs(cut.warnings, tables.MOST_SPANS),
         blocks=[
             Figures(figures=[load], legend=legend, kind="one wide"),
             Figures(figures=[engagement], legend=ENGAGEMENT_LEGEND, kind="one wide"),
             *present(
-                forces_table(cut, sources),
-                intervals_table(cut, sources),
-                edges_table(cut.edges, sources),
-                worst_table(cut, sources),
-                axes_table(cut.axes, sources),
+                tables.forces_table(cut, sources),
+                tables.intervals_table(cut, sources),
+                tables.edges_table(cut.edges, sources),
+                tables.worst_table(cut, sources),
+                tables.axes_table(cut.axes, sources),
             ),
         ],
     )
@@ -365,7 +354,7 @@ def _load_section(program: str, cut: ProgramCut, sources: list[Source]) -> Secti
 
 def _stability_section(cut: ProgramCut, sources: list[Source]) -> Section | None:
     lobes, drive = _lobes(cut, sources), _drive(cut, sources)
-    unknown = [(f"{sentence(one.what)}: not known", one.why) for one in cut.not_known]
+    unknown = [(f"{tables.sentence(one.what)}: not known", one.why) for one in cut.not_known]
     if lobes is None and drive is None and not unknown:
         return None
     rests = lobes is not None and cut.dynamics
@@ -412,6 +401,6 @@ def _basis_section(cut: ProgramCut, sources: list[Source]) -> Section:
         title="What these numbers rest on",
         text=list(cut.notes),
         pairs=left_out,
-        blocks=present(basis_table(cut, sources)),
+        blocks=present(tables.basis_table(cut, sources)),
         closing=True,
     )

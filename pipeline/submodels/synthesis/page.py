@@ -14,14 +14,7 @@ from pipeline.nets.diversity import FeatureScaling
 from pipeline.schema.arrays import Floats
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.statistics import rank_correlation
-from pipeline.submodels.synthesis.judging import (
-    AUGMENTED,
-    GENERATED,
-    MEAN,
-    NEAREST,
-    RECORDED,
-    SPECTRUM,
-)
+from pipeline.submodels.synthesis import judging
 from pipeline.submodels.synthesis.model import (
     GeneratorFile,
     Reference,
@@ -58,14 +51,14 @@ def content(shown: Seen) -> PageContent:
         case="tool",
         counts=(
             Counting(key="generated_wear_mae", name="Error of the wear read from generated signals",
-                     quantity=GENERATED, regime=judge, error="mae", whole=True),
+                     quantity=judging.GENERATED, regime=judge, error="mae", whole=True),
             *(Counting(key=f"generated_wear_rmse_{k}" if k else "generated_wear_rmse",
                        name=f"RMSE of the wear read{f' by the {name}' if name else ''}, worst tool",
-                       quantity=GENERATED, regime=name) for k, name in enumerate(judges)),
+                       quantity=judging.GENERATED, regime=name) for k, name in enumerate(judges)),
         ),
-        guess=MEAN,
-        titles={MEAN: "mean wear", RECORDED: "recorded signals",
-                NEAREST: "nearest training windows"},
+        guess=judging.MEAN,
+        titles={judging.MEAN: "mean wear", judging.RECORDED: "recorded signals",
+                judging.NEAREST: "nearest training windows"},
         todo={
             "passed": "Signals at a wear that was not recorded: kerf synthesise --machine "
             f"{shown.machine} --wear VALUE --out FILE.",
@@ -77,8 +70,8 @@ def content(shown: Seen) -> PageContent:
         figures=[] if model is None else [
             _figures(shown, model, None if stored is None else reference_of(stored))
         ],
-        drawn=[Drawn(quantity=GENERATED, regime=judge, error="mae", axis="Use of the tool",
-                     other=(RECORDED, "read from recorded signals"))],
+        drawn=[Drawn(quantity=judging.GENERATED, regime=judge, error="mae", axis="Use of the tool",
+                     other=(judging.RECORDED, "read from recorded signals"))],
         shown_facts=("coverage", "density", "bias", "windows"),
         of_judgement=[] if model is None else [_spectra(shown, model)],
     )  # fmt: skip
@@ -91,8 +84,8 @@ def _amount(model: SynthesisModel, value: float) -> str:
 def _augmentation(shown: Seen) -> str:
     """Whether generated windows help to learn the wear of recorded ones."""
     skills = () if shown.verdict is None else shown.verdict.skills
-    one = next((s for s in skills if s.quantity == AUGMENTED and s.baseline == RECORDED
-                and s.mae is not None), None)  # fmt: skip
+    pair = judging.AUGMENTED, judging.RECORDED
+    one = next((s for s in skills if (s.quantity, s.baseline) == pair and s.mae is not None), None)
     if one is None or one.mae is None:
         return ""
     ends, way = one.mae_interval_95, 1.0 if one.mae > 0 else -1.0
@@ -115,7 +108,7 @@ def _recorded(shown: Seen) -> dict[str, tuple[float, float]]:
     frame, verdict = shown.predictions, shown.verdict
     if frame is None or verdict is None or "baseline_recorded" not in frame:
         return {}
-    frame = frame[(frame["quantity"] == GENERATED) & (frame["role"] == verdict.judged_role)]
+    frame = frame[(frame["quantity"] == judging.GENERATED) & (frame["role"] == verdict.judged_role)]
     found = {}
     for name, one in frame.groupby("regime"):
         one = one.dropna(subset=["measured", "baseline_recorded"])
@@ -223,7 +216,9 @@ def _spectra(shown: Seen, model: SynthesisModel) -> Figures | None:
     frame, verdict = shown.predictions, shown.verdict
     if frame is None or verdict is None or not len(frame):
         return None
-    rows: Any = frame[(frame["quantity"] == SPECTRUM) & (frame["role"] == verdict.judged_role)]
+    rows: Any = frame[
+        (frame["quantity"] == judging.SPECTRUM) & (frame["role"] == verdict.judged_role)
+    ]
     strips, frequency = [], np.zeros(0)
     for channel in model.channels[:CHANNELS_SHOWN]:
         mean = rows[rows["regime"] == channel].groupby("t")[["measured", "predicted"]].mean()
