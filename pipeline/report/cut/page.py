@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from pipeline.charts import svg
 from pipeline.charts.numbers import counted, duration, number
-from pipeline.charts.sections import Figure, Figures, Section, present
+from pipeline.charts.sections import Figure, Figures, Section, drawing, present
 from pipeline.charts.sources import Source
 from pipeline.charts.svg import anchor
 from pipeline.report.cut import tables
@@ -317,18 +317,18 @@ def _load_section(program: str, cut: ProgramCut, sources: list[Source]) -> Secti
     if trace.total_s <= 0 or not np.isfinite(values_of(trace.entry_deg)).any():
         return None
     legend = [*LOAD_LEGEND, *([OVER_LEGEND] if limit is not None else [])]
-    load = Figure(
-        svg=load_figure(trace, limit, f"Peak load over the time of {program}"),
-        caption="Greatest force on the tool in the plane within a revolution, over the time of the "
+    load = drawing(
+        load_figure(trace, limit, f"Peak load over the time of {program}"),
+        "Greatest force on the tool in the plane within a revolution, over the time of the "
         "program, at the highest feed that each block reaches.",
-        sources=sources,
-    )
-    engagement = Figure(
-        svg=engagement_figure(trace, f"Axial and radial depth, entry and exit of {program}"),
-        caption="Depth along the tool’s axis, depth across the feed, and the arc on which a tooth "
+        sources, legend,
+    )  # fmt: skip
+    engagement = drawing(
+        engagement_figure(trace, f"Axial and radial depth, entry and exit of {program}"),
+        "Depth along the tool’s axis, depth across the feed, and the arc on which a tooth "
         "is in the material: 0° where up-milling enters, 180° where down-milling leaves.",
-        sources=sources,
-    )
+        sources, ENGAGEMENT_LEGEND,
+    )  # fmt: skip
     return Section(
         key="load",
         title="Load along the path",
@@ -338,17 +338,15 @@ def _load_section(program: str, cut: ProgramCut, sources: list[Source]) -> Secti
             *tables.edge_words(cut.edges),
         ],
         pairs=tables.warnings_pairs(cut.warnings, tables.MOST_SPANS),
-        blocks=[
-            Figures(figures=[load], legend=legend, kind="one wide"),
-            Figures(figures=[engagement], legend=ENGAGEMENT_LEGEND, kind="one wide"),
-            *present(
-                tables.forces_table(cut, sources),
-                tables.intervals_table(cut, sources),
-                tables.edges_table(cut.edges, sources),
-                tables.worst_table(cut, sources),
-                tables.axes_table(cut.axes, sources),
-            ),
-        ],
+        blocks=present(
+            load,
+            engagement,
+            tables.forces_table(cut, sources),
+            tables.intervals_table(cut, sources),
+            tables.edges_table(cut.edges, sources),
+            tables.worst_table(cut, sources),
+            tables.axes_table(cut.axes, sources),
+        ),
     )
 
 
@@ -385,11 +383,8 @@ def _lobes(cut: ProgramCut, sources: list[Source]) -> Figures | None:
 def _drive(cut: ProgramCut, sources: list[Source]) -> Figures | None:
     words = "Cutting power against the drive"
     picture = None if cut.drive is None else drive_figure(cut.drive, words)
-    if picture is None:
-        return None
     caption = "Cutting power of the blocks against the power that the spindle’s drive has left."
-    figure = Figure(svg=picture, caption=caption, sources=sources)
-    return Figures(figures=[figure], legend=DRIVE_LEGEND)
+    return drawing(picture, caption, sources, DRIVE_LEGEND, kind="")
 
 
 def _basis_section(cut: ProgramCut, sources: list[Source]) -> Section:

@@ -7,13 +7,12 @@ import numpy as np
 
 from pipeline.charts.bands import Axis, Strip, axis, band, strips_figure, tick_words
 from pipeline.charts.numbers import counted, joined, number, unit_words
-from pipeline.charts.sections import Figure, Figures
+from pipeline.charts.sections import Figure, Figures, drawing
 from pipeline.charts.sources import Source
 from pipeline.charts.submodel_page import Counting, Drawn, PageContent, made_from
 from pipeline.nets.diversity import FeatureScaling
 from pipeline.schema.arrays import Floats
 from pipeline.submodels.contract import Shown
-from pipeline.submodels.statistics import rank_correlation
 from pipeline.submodels.synthesis import judging
 from pipeline.submodels.synthesis.model import (
     GeneratorFile,
@@ -103,25 +102,11 @@ def _augmentation(shown: Seen) -> str:
     )
 
 
-def _recorded(shown: Seen) -> dict[str, tuple[float, float]]:
-    """Slope and rank correlation of each wear reader over recorded windows of held-out tools."""
-    frame, verdict = shown.predictions, shown.verdict
-    if frame is None or verdict is None or "baseline_recorded" not in frame:
-        return {}
-    frame = frame[(frame["quantity"] == judging.GENERATED) & (frame["role"] == verdict.judged_role)]
-    found = {}
-    for name, one in frame.groupby("regime"):
-        one = one.dropna(subset=["measured", "baseline_recorded"])
-        wear, read = one["measured"].to_numpy(), one["baseline_recorded"].to_numpy()
-        if len(one) > 2 and np.ptp(wear) > 0 and np.ptp(read) > 0:
-            slope = float(np.polyfit(wear, read, 1)[0])
-            found[str(name)] = slope, rank_correlation(wear, read)
-    return found
-
-
 def _curve_words(shown: Seen, model: SynthesisModel) -> Iterator[str]:
     """Reading of the wear by each reader, and its course in training."""
-    recorded = _recorded(shown)
+    recorded = {}
+    if shown.predictions is not None and shown.verdict is not None:
+        recorded = judging.recorded_readings(shown.predictions, shown.verdict.judged_role)
     for name, one in model.curves.items():
         words = (
             f"Over {counted(len(one.asked), 'wear')} from {number(one.asked[0])} to "
@@ -236,6 +221,6 @@ def _spectra(shown: Seen, model: SynthesisModel) -> Figures | None:
              for f in (frequency[0], frequency[len(frequency) // 2], frequency[-1])]  # fmt: skip
     below = Axis(words="Frequency, Hz", span=(marks[0][0], marks[-1][0]), marks=marks)
     words = "Power in bands, mean over the windows of tools not learnt from."
-    figure = _figure(strips, below, words, made_from(shown, "predictions.parquet"))
     legend = [("l-measured", "recorded", "line"), ("l-window", "generated", "line")]
-    return Figures(figures=[figure], legend=legend, kind="one")
+    figure, source = strips_figure(strips, below, words), made_from(shown, "predictions.parquet")
+    return drawing(figure, words, source, legend, kind="one")
