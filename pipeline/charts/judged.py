@@ -22,7 +22,7 @@ from pipeline.charts.numbers import (
     signed,
 )
 from pipeline.charts.numbers import unit_words as unit_of
-from pipeline.charts.sections import Figure, Figures
+from pipeline.charts.sections import Figures, drawing
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import (
     MOST_ROWS,
@@ -248,8 +248,7 @@ def errors_figure(
     if limit is not None:
         legend.append(("s-limits", f"up to the limit, {limit:g} {unit}".rstrip(), "box"))
     drawn = _errors(shown[:40], error, limit, f"{caption}.", unit, titles)
-    figure = Figure(svg=drawn, caption=f"{caption}.", sources=list(made))
-    return Figures(figures=[figure], legend=legend, kind="one")
+    return drawing(drawn, f"{caption}.", made, legend, kind="one")
 
 
 def _errors(

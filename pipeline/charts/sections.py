@@ -1,6 +1,6 @@
 """Parts of a page: sections, figures, legends, words for what is absent."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -37,6 +37,17 @@ class Figures:
     kind: str = ""
     folded: str = ""
     control: Markup | None = None
+
+
+def drawing(
+    svg: Markup | None, caption: str, sources: Sequence[Source],
+    legend: Sequence[tuple[str, str, str]] = (), kind: str = "one wide",
+) -> Figures | None:  # fmt: skip
+    """One figure with its legend; None where there is none to draw."""
+    if svg is None:
+        return None
+    figure = Figure(svg=svg, caption=caption, sources=list(sources))
+    return Figures(figures=[figure], legend=list(legend), kind=kind)
 
 
 @dataclass(frozen=True, kw_only=True)

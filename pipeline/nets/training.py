@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from torch import Tensor
 
 from pipeline.kernels import compiled
+from pipeline.nets import stored
 from pipeline.nets.descent import BestState, validation_groups
 from pipeline.nets.ffnn import (
     BackPropagationNetwork,
@@ -30,16 +31,6 @@ from pipeline.nets.ffnn import (
     ridge_solution,
 )
 from pipeline.nets.settings import KINDS, BackPropagationSettings, NetworkSettings, TrainingSettings
-from pipeline.nets.stored import (
-    Scaling,
-    document_of,
-    fill,
-    history_of,
-    reproducible,
-    restored_scaling,
-    samples,
-    scaling_document,
-)
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.search.genetic import GeneticSettings
 from pipeline.search.result import minimise
@@ -58,11 +49,11 @@ class Trained:
     """Method of the training."""
     settings: TrainingSettings
     """Settings of the training."""
-    x_scaling: Scaling
+    x_scaling: stored.Scaling
     """Scaling of the temperatures [K]: all the same for bands over the channels, which compare
     them; each its own for the sigmoid network."""
-    c_scaling: Scaling
-    y_scaling: Scaling
+    c_scaling: stored.Scaling
+    y_scaling: stored.Scaling
     """Scaling of the consequent inputs and of the output [µm]."""
     network: Network
     """Network in its best state."""
@@ -84,14 +75,14 @@ class Trained:
         ValueError when shapes do not fit the network, or a value is not finite.
         """
         many = len(self.x_scaling.shift), len(self.c_scaling.shift)
-        x, c = samples("x", x, 2), samples("c", c, 2)
+        x, c = stored.samples("x", x, 2), stored.samples("c", c, 2)
         if x.shape[1] != many[0] or c.shape[1] != many[1] or len(x) != len(c):
             raise ValueError(
                 f"x and c have shapes {x.shape} and {c.shape}: this network takes {many[0]} "
                 f"temperatures and {many[1]} consequent inputs of each sample"
             )
         found = np.empty(len(x))
-        with reproducible(), torch.no_grad():
+        with stored.reproducible(), torch.no_grad():
             for k in range(0, len(x), ROWS):
                 rows = slice(k, k + ROWS)
                 scaled = self.x_scaling.scaled(x[rows]), self.c_scaling.scaled(c[rows])
@@ -106,7 +97,9 @@ class Trained:
             "network": asdict(self.kind),  # type: ignore[call-overload]
             "method": self.method,
             "training": asdict(self.settings),
-            "scaling": scaling_document(x=self.x_scaling, c=self.c_scaling, y=self.y_scaling),
+            "scaling": stored.scaling_document(
+                x=self.x_scaling, c=self.c_scaling, y=self.y_scaling
+            ),
             "state": state,
             "history": self.history.tolist(),
             "validation_groups": list(self.validation_groups),
@@ -119,15 +112,15 @@ def restore(document: Mapping[str, Any]) -> Trained:
     Raises ValueError when the document lacks something, or its numbers do not fit the network that
     it names.
     """
-    with document_of("a network"):
+    with stored.document_of("a network"):
         kind = KINDS[document["kind"]](**document["network"])
-        x, c, y = (restored_scaling(document["scaling"], part) for part in "xcy")
+        x, c, y = (stored.restored_scaling(document["scaling"], part) for part in "xcy")
         built = network(kind, len(x.shift), len(c.shift), torch.Generator())
-        fill(built, document["state"])
+        stored.fill(built, document["state"])
         return Trained(
             kind=kind, method=document["method"],
             settings=TrainingSettings(**document["training"]), x_scaling=x, c_scaling=c,
-            y_scaling=y, network=built, history=history_of(document),
+            y_scaling=y, network=built, history=stored.history_of(document),
             validation_groups=tuple(document["validation_groups"]),
         )  # fmt: skip
 
@@ -156,7 +149,7 @@ def train(
     shapes that do not fit, when the method is none of that kind, or when there is no group to learn
     from beside those for validation.
     """
-    x, c, y = samples("x", x, 2), samples("c", c, 2), samples("y", y, 1)
+    x, c, y = stored.samples("x", x, 2), stored.samples("c", c, 2), stored.samples("y", y, 1)
     labels = [str(one) for one in group]
     if not len(x) == len(c) == len(y) == len(labels):
         raise ValueError(
@@ -173,11 +166,11 @@ def train(
     kept = validation_groups(labels, settings.validation, settings.seed, "training")
     held = np.isin(labels, kept)
     learnt = ~held
-    with reproducible():
+    with stored.reproducible():
         generator = torch.Generator().manual_seed(settings.seed)
         built = network(kind, x.shape[1], c.shape[1], generator)
-        of_x, of_c = _inputs_scaling(kind, x[learnt]), Scaling.standard(c[learnt], axis=0)
-        of_y = Scaling.standard(y[learnt])
+        of_x, of_c = _inputs_scaling(kind, x[learnt]), stored.Scaling.standard(c[learnt], axis=0)
+        of_y = stored.Scaling.standard(y[learnt])
 
         def scaled(rows: Bools) -> Samples:
             return of_x.scaled(x[rows]), of_c.scaled(c[rows]), of_y.scaled(y[rows])
@@ -193,13 +186,13 @@ def train(
     )  # fmt: skip
 
 
-def _inputs_scaling(kind: NetworkSettings, x: Floats) -> Scaling:
+def _inputs_scaling(kind: NetworkSettings, x: Floats) -> stored.Scaling:
     """Temperatures to 0..1, all alike, or for the sigmoid network each to -1..1."""
     low, high = x.min(axis=0), x.max(axis=0)
     if isinstance(kind, BackPropagationSettings):
-        return Scaling.of(0.5 * (low + high), 0.5 * (high - low), x)
+        return stored.Scaling.of(0.5 * (low + high), 0.5 * (high - low), x)
     one = np.ones(x.shape[1])
-    return Scaling.of(low.min() * one, (high.max() - low.min()) * one, x)
+    return stored.Scaling.of(low.min() * one, (high.max() - low.min()) * one, x)
 
 
 class Progress(BestState):

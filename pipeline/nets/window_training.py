@@ -12,6 +12,7 @@ import torch
 from numpy.typing import ArrayLike
 from torch import Tensor
 
+from pipeline.nets import stored
 from pipeline.nets.descent import (
     Adam,
     BestState,
@@ -26,17 +27,6 @@ from pipeline.nets.settings import (
     CnnLstmAttentionSettings,
     SequenceSettings,
     WindowTraining,
-)
-from pipeline.nets.stored import (
-    Scaling,
-    document_of,
-    fill,
-    history_of,
-    reproducible,
-    restored_scaling,
-    samples,
-    scaling_document,
-    state_of,
 )
 from pipeline.nets.windows import WindowInput, Windows
 from pipeline.schema.arrays import Bools, Floats
@@ -61,8 +51,8 @@ class TrainedSequence:
     """Inputs of the channels, where they were given."""
     leaks: tuple[str, ...]
     """Inputs that could not be known yet; empty but for a demonstration."""
-    x_scaling: Scaling
-    y_scaling: Scaling
+    x_scaling: stored.Scaling
+    y_scaling: stored.Scaling
     """Scaling of each channel, and of the target."""
     network: SequenceNetwork
     """Network in its best state."""
@@ -105,7 +95,7 @@ class TrainedSequence:
 
     def _steps(self, windows: ArrayLike) -> Iterator[Tensor]:
         """Scaled windows in pieces, for which gradients are off and torch has one thread."""
-        x = samples("windows", windows, 3)
+        x = stored.samples("windows", windows, 3)
         wanted = self.length, len(self.x_scaling.shift)
         if x.shape[1:] != wanted:
             raise ValueError(
@@ -113,7 +103,7 @@ class TrainedSequence:
                 "channels each"
             )
         dtype = self.network.dense.weight.dtype
-        with reproducible(), torch.no_grad():
+        with stored.reproducible(), torch.no_grad():
             for k in range(0, len(x), ROWS):
                 yield self.x_scaling.scaled(x[k : k + ROWS], dtype)
 
@@ -128,8 +118,8 @@ class TrainedSequence:
             "outputs": None,
             "inputs": [asdict(one) for one in self.inputs],
             "leaks": list(self.leaks),
-            "scaling": scaling_document(x=self.x_scaling, y=self.y_scaling),
-            "state": state_of(self.network),
+            "scaling": stored.scaling_document(x=self.x_scaling, y=self.y_scaling),
+            "state": stored.state_of(self.network),
             "history": self.history.tolist(),
             "validation_groups": list(self.validation_groups),
         }
@@ -141,17 +131,17 @@ def restore_sequence(document: Mapping[str, Any]) -> TrainedSequence:
     Raises ValueError when the document lacks something, or its numbers do not fit the network that
     it names.
     """
-    with document_of("a network"):
+    with stored.document_of("a network"):
         kind = WINDOW_KINDS[document["kind"]](**document["network"])
-        x, y = (restored_scaling(document["scaling"], part) for part in "xy")
+        x, y = (stored.restored_scaling(document["scaling"], part) for part in "xy")
         built = sequence_network(kind, document["length"], len(x.shift), torch.Generator())
-        fill(built, document["state"])
+        stored.fill(built, document["state"])
         return TrainedSequence(
             kind=kind, settings=WindowTraining(**document["training"]),
             precision=document["precision"], length=document["length"],
             inputs=tuple(WindowInput(**one) for one in document["inputs"]),
             leaks=tuple(document["leaks"]), x_scaling=x, y_scaling=y, network=built,
-            history=history_of(document),
+            history=stored.history_of(document),
             validation_groups=tuple(document["validation_groups"]),
         )  # fmt: skip
 
@@ -176,7 +166,7 @@ def train_windows(
     recording to learn from beside those for validation, or when the first epoch diverges
     (:class:`~pipeline.nets.descent.Diverged`).
     """
-    x, y = samples("x", windows.x, 3), samples("y", windows.y, 1)
+    x, y = stored.samples("x", windows.x, 3), stored.samples("y", windows.y, 1)
     labels = [str(one) for one in windows.group]
     if not len(x) == len(y) == len(labels):
         raise ValueError(
@@ -190,9 +180,9 @@ def train_windows(
     seed = settings.seed if settings.validation_seed is None else settings.validation_seed
     kept = validation_groups(labels, settings.validation, seed, "window_training")
     held = np.isin(labels, kept)
-    of_x, of_y = Scaling.standard(x[~held], axis=(0, 1)), Scaling.standard(y[~held])
+    of_x, of_y = stored.Scaling.standard(x[~held], axis=(0, 1)), stored.Scaling.standard(y[~held])
     precision = usable_precision(settings.precision)
-    with reproducible():
+    with stored.reproducible():
         generator = torch.Generator().manual_seed(settings.seed)
         built = sequence_network(kind, x.shape[1], x.shape[2], generator)
         dtype = built.dense.weight.dtype

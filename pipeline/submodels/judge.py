@@ -25,18 +25,9 @@ from pipeline.schema.verdict import (
     sized,
     widening,
 )
+from pipeline.submodels import scoring
 from pipeline.submodels.cases import Case, Cases, golden_used, leak_reasons, set_reasons
 from pipeline.submodels.contract import Predictor, Target
-from pipeline.submodels.scoring import (
-    ALL,
-    FEWEST_GROUPS,
-    rounded,
-    score_of,
-    scored_rows,
-    skills,
-    spread_over,
-    trained_again,
-)
 from pipeline.submodels.statistics import auc, spread_of
 
 CANARY_SAMPLES, CANARY_VALUES = 100, 10
@@ -90,7 +81,7 @@ def judge(
     beyond = {one.case for one in outside}
     scores = [
         _with_use(score, frame, target, beyond, len(model.trained_on))
-        if (score.group, score.role) == (ALL, deciding) else score
+        if (score.group, score.role) == (scoring.ALL, deciding) else score
         for target in targets for score in _scores(frame, target, deciding)
     ]  # fmt: skip
     decisive = [s for s in scores if s.status != "not judged" and not s.alone]
@@ -114,7 +105,9 @@ def judge(
         scores=tuple(scores),
         skills=tuple(
             s for target in targets
-            for s in skills(_without(frame, {s.group for s in scores if s.alone}), target, deciding)
+            for s in scoring.skills(
+                _without(frame, {s.group for s in scores if s.alone}), target, deciding
+            )
         ),
         outside=tuple(outside),
         cases=tuple(
@@ -161,7 +154,7 @@ def _deciding(cases: Sequence[Case]) -> Role:
 
 def _scores(frame: pd.DataFrame, target: Target, deciding: Role) -> list[Score]:
     """Scores of a target by role and group, and over all groups of each role."""
-    rows = scored_rows(frame, target)
+    rows = scoring.scored_rows(frame, target)
     if not len(rows):
         return []
     found = []
@@ -173,27 +166,27 @@ def _scores(frame: pd.DataFrame, target: Target, deciding: Role) -> list[Score]:
         lone = _lone(groups, target)
         others = of_role[of_role["group"] != lone] if lone else of_role
         found += [replace(one, alone=one.group == lone) for one in groups]
-        found.append(_held(others, target, ALL, role, deciding))
+        found.append(_held(others, target, scoring.ALL, role, deciding))
     return found
 
 
 def _held(rows: pd.DataFrame, target: Target, group: str, role: Any, deciding: Role) -> Score:
     """A score, with its status where its role decides."""
-    score = score_of(rows, target, group, role)
+    score = scoring.score_of(rows, target, group, role)
     if role != deciding:
         return score
-    score = replace(score, spread=spread_over(rows))
-    return _over_all(rows, score, target) if group == ALL else _held_against(score, target)
+    score = replace(score, spread=scoring.spread_over(rows))
+    return _over_all(rows, score, target) if group == scoring.ALL else _held_against(score, target)
 
 
 def _with_use(
     score: Score, frame: pd.DataFrame, target: Target, outside: set[str], trained: int
 ) -> Score:
     """A score over all groups with whether its interval is of use, inside where groups are many."""
-    rows = scored_rows(frame, target)
+    rows = scoring.scored_rows(frame, target)
     rows = rows[(rows["role"] == score.role) & ~rows["case"].isin(outside)]
-    many = rows["group"].nunique() >= FEWEST_GROUPS
-    inside = score_of(rows, target, ALL, score.role) if many else score
+    many = rows["group"].nunique() >= scoring.FEWEST_GROUPS
+    inside = scoring.score_of(rows, target, scoring.ALL, score.role) if many else score
     score = replace(score, inside_ratio=inside.half_width_over_rmse)
     return replace(score, unknown_interval=target.unknown_interval(score, trained))
 
@@ -322,7 +315,7 @@ def _beaten(
     for target in targets:
         for score in scores:
             mine = (score.quantity, score.regime) == (target.quantity, target.regime)
-            if not (mine and score.group == ALL and score.role == deciding):
+            if not (mine and score.group == scoring.ALL and score.role == deciding):
                 continue
             for name in target.must_beat:
                 for found, said in zip((reasons, open_), _shortfall(score, name), strict=True):
@@ -340,7 +333,7 @@ def _ordered(rows: pd.DataFrame, score: Score, target: Target) -> CheckReasons:
     area = auc(rows["predicted"].to_numpy(float), truth)
     if area is None:
         return [], []
-    again = [auc(rows[name].to_numpy(float), truth) for name in trained_again(rows)]
+    again = [auc(rows[name].to_numpy(float), truth) for name in scoring.trained_again(rows)]
     spread = spread_of(np.array(again, float)) if len(again) > 1 else 0.0
     said = f"{target.quantity}: area under the ROC curve {area:.3g} is"
     if abs(area - target.least_auc) < spread:
@@ -350,7 +343,7 @@ def _ordered(rows: pd.DataFrame, score: Score, target: Target) -> CheckReasons:
 
 def seen_reasons(frame: pd.DataFrame, target: Target, deciding: Role) -> list[str]:
     """A target whose prediction equals its measurement bit for bit: it has seen it."""
-    rows = scored_rows(frame, target)
+    rows = scoring.scored_rows(frame, target)
     rows = rows[rows["role"] == deciding] if len(rows) else rows
     if len(rows) < CANARY_SAMPLES or rows["measured"].nunique() < CANARY_VALUES:
         return []
@@ -414,7 +407,7 @@ def metrics(judged: Verdict) -> dict[str, Any]:
         "cases_judged": len([c for c in judged.cases if c.role == judged.judged_role]),
     }
     for score in judged.scores:
-        if score.group != ALL or score.role != (judged.judged_role or "training"):
+        if score.group != scoring.ALL or score.role != (judged.judged_role or "training"):
             continue
         name = f"{score.quantity}, {score.regime}" if score.regime else score.quantity
         worst = [s for s in judged.of(score.quantity, role=score.role) if s.regime == score.regime]
@@ -425,7 +418,7 @@ def metrics(judged: Verdict) -> dict[str, Any]:
             "relative_percent": score.relative_percent,
             "coverage_90": score.coverage_90,
             "half_width_over_rmse": "not known" if score.unknown_interval
-            else rounded(score.half_width_over_rmse or np.nan),
+            else scoring.rounded(score.half_width_over_rmse or np.nan),
             "interval_90": score.unknown_interval or ("known" if score.half_width else None),
             "spread_mae": score.spread.get("mae"),
             "spread_rmse": score.spread.get("rmse"),

@@ -8,15 +8,7 @@ import pytest
 import torch
 from scipy.stats import spearmanr
 
-from pipeline.nets.dcgan import (
-    Block,
-    ChannelScaling,
-    Discriminator,
-    Generator,
-    dropped,
-    encoded,
-    restore_gan,
-)
+from pipeline.nets import dcgan
 from pipeline.nets.dcgan_settings import ConditionSpace, GanSettings, GanTraining
 from pipeline.nets.dcgan_training import (
     Readers,
@@ -56,8 +48,8 @@ def middle(many: int, **changes):
 @pytest.mark.parametrize("condition", ["film", "multiply"])
 def test_any_number_of_channels_and_samples(length: int, condition: str) -> None:
     kind = replace(SMALL, condition=condition)
-    made = Generator(5, length, SPACE, kind)
-    score = Discriminator(5, SPACE, kind)
+    made = dcgan.Generator(5, length, SPACE, kind)
+    score = dcgan.Discriminator(5, SPACE, kind)
     numbers, words = torch.zeros(3, 1), torch.zeros(3, 1, dtype=torch.int64)
     window = made(torch.randn(3, kind.latent), numbers, words)
     assert window.shape == (3, 5, length)
@@ -67,7 +59,7 @@ def test_any_number_of_channels_and_samples(length: int, condition: str) -> None
 
 def test_every_block_of_the_generator_upsamples() -> None:
     seen = []
-    made = Generator(2, LENGTH, SPACE, SMALL)
+    made = dcgan.Generator(2, LENGTH, SPACE, SMALL)
     for block in made.blocks:
         block.register_forward_hook(lambda _, given, out: seen.append((given[0], out)))
     made(torch.randn(1, SMALL.latent), torch.zeros(1, 1), torch.zeros(1, 1, dtype=torch.int64))
@@ -120,7 +112,7 @@ def test_a_watch_sees_samples_as_they_stand_and_can_end_it() -> None:
 
 
 def test_a_restored_generator_samples_the_same_bits(learnt) -> None:
-    again = restore_gan(json.loads(json.dumps(learnt.document(), allow_nan=False)))
+    again = dcgan.restore_gan(json.loads(json.dumps(learnt.document(), allow_nan=False)))
     one, two = learnt.sample(middle(4), seed=5), again.sample(middle(4), seed=5)
     assert one.tobytes() == two.tobytes()
     assert again.document() == learnt.document()
@@ -164,7 +156,7 @@ def test_conditions_that_were_not_learnt_or_are_missing_are_refused(learnt, chan
 def test_the_gradient_penalty_is_that_of_finite_differences() -> None:
     torch.manual_seed(0)
     kind = replace(SMALL, dropout=0.0)
-    score = Discriminator(2, SPACE, kind).double().eval()
+    score = dcgan.Discriminator(2, SPACE, kind).double().eval()
     x = torch.randn(3, 2, 12, dtype=torch.float64)
     numbers, words = torch.zeros(3, 1).double(), torch.zeros(3, 1, dtype=torch.int64)
     found = gradient_penalty(score, x, numbers, words)
@@ -180,7 +172,7 @@ def test_the_gradient_penalty_is_that_of_finite_differences() -> None:
 
 
 def test_the_penalty_reaches_the_weights() -> None:
-    score = Discriminator(2, SPACE, replace(SMALL, dropout=0.0))
+    score = dcgan.Discriminator(2, SPACE, replace(SMALL, dropout=0.0))
     x = torch.randn(4, 2, LENGTH)
     numbers, words = torch.zeros(4, 1), torch.zeros(4, 1, dtype=torch.int64)
     gradient_penalty(score, x, numbers, words).backward()
@@ -192,7 +184,7 @@ def test_the_penalty_reaches_the_weights() -> None:
 def test_dropout_drops_its_share_and_keeps_the_mean() -> None:
     torch.manual_seed(0)
     x = torch.ones(20, 6, 1, 50).contiguous(memory_format=torch.channels_last)
-    found = dropped(x.clone(), 0.25)
+    found = dcgan.dropped(x.clone(), 0.25)
     assert float((found == 0).float().mean()) == pytest.approx(0.25, abs=0.02)
     assert float(found.mean()) == pytest.approx(1.0, abs=0.03)
 
@@ -224,13 +216,13 @@ def test_the_energy_distance_is_least_at_the_recorded_spread() -> None:
 
 
 def test_scaling_is_of_the_channels_and_says_what_it_cuts() -> None:
-    scaling = ChannelScaling.of(X)
+    scaling = dcgan.ChannelScaling.of(X)
     scaled = scaling.scaled(X)
     assert float(scaled.abs().max()) <= 1.0
     assert scaling.clipped < 0.001
     inside = np.abs((X - scaling.shift[:, None]) / scaling.scale[:, None]) < 1.0
     assert np.abs(scaling.restored(scaled) - X)[inside].max() < 1e-3
-    still = ChannelScaling.of(np.full((3, 1, 9), 4.0))
+    still = dcgan.ChannelScaling.of(np.full((3, 1, 9), 4.0))
     assert still.restored(still.scaled(np.full((3, 1, 9), 4.0))).tolist() == [[[4.0] * 9]] * 3
 
 
@@ -278,8 +270,8 @@ def test_windows_that_do_not_fit_are_refused(x, conditions, words: str) -> None:
         trained(x=x, conditions=conditions)
 
 
-NUMBERS, WORDS = encoded(SPACE, CONDITIONS)
-SCALED = ChannelScaling.of(X).scaled(X)
+NUMBERS, WORDS = dcgan.encoded(SPACE, CONDITIONS)
+SCALED = dcgan.ChannelScaling.of(X).scaled(X)
 LEARNT, LEFT = slice(0, None, 2), slice(1, None, 2)
 
 
@@ -340,7 +332,7 @@ def test_first_steps_need_something_to_learn_from() -> None:
 
 @pytest.mark.parametrize("kernel", [1, 3, 5, 7, 31])
 def test_a_block_is_a_convolution_over_each_sample_twice(kernel: int) -> None:
-    block = Block(3, 4, replace(SMALL, kernel=kernel))
+    block = dcgan.Block(3, 4, replace(SMALL, kernel=kernel))
     x = torch.randn(2, 3, 20)
     twice = x.repeat_interleave(2, dim=2)
     wanted = torch.nn.functional.conv1d(twice, block.conv.weight, padding=kernel // 2)

@@ -4,15 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.nets.ffnn import (
-    NARROWEST,
-    ClassicFuzzyNetwork,
-    FilteredNetwork,
-    FuzzyFilteredNetwork,
-    Whitened,
-    network,
-    ridge_solution,
-)
+from pipeline.nets import ffnn
 from pipeline.nets.settings import (
     BackPropagationSettings,
     ClassicFuzzySettings,
@@ -24,11 +16,11 @@ from tests.nets.samples import KINDS, tensors
 FILTERED = (FuzzyFilteredSettings(bands=4), ClassicFuzzySettings(bands=4))
 
 
-def built(kind: NetworkSettings, sensors: int = 9, inputs: int = 3) -> FilteredNetwork:
+def built(kind: NetworkSettings, sensors: int = 9, inputs: int = 3) -> ffnn.FilteredNetwork:
     """A network at random bands and consequents."""
     generator = torch.Generator().manual_seed(3)
-    made = network(kind, sensors, inputs, generator)
-    if isinstance(made, FilteredNetwork):
+    made = ffnn.network(kind, sensors, inputs, generator)
+    if isinstance(made, ffnn.FilteredNetwork):
         with torch.no_grad():
             for values in made.parameters():
                 values.uniform_(0.05, 0.95, generator=generator)
@@ -77,7 +69,7 @@ def test_shapes(kind: NetworkSettings, sensors: int, inputs: int) -> None:
     x, c, _ = some(7, sensors, inputs)
     out = made(x, c)
     assert out.shape == (7,) and out.dtype == torch.float64
-    if isinstance(made, FilteredNetwork):
+    if isinstance(made, ffnn.FilteredNetwork):
         a = made.designs(made.bands, x, c)
         assert a.shape == (7, 3 * (inputs + 1))
         torch.testing.assert_close(a @ made.consequents.flatten(), out, rtol=1e-12, atol=1e-12)
@@ -98,7 +90,7 @@ def test_gradients_are_finite_differences(kind: NetworkSettings) -> None:
 
 def test_a_band_on_a_channel_has_a_gradient() -> None:
     """A bell's derivative by its slope has a logarithm, which must not spoil the rest."""
-    made = ClassicFuzzyNetwork(ClassicFuzzySettings(bands=3), 9, 3)
+    made = ffnn.ClassicFuzzyNetwork(ClassicFuzzySettings(bands=3), 9, 3)
     assert float(made.bands[1, 0].detach()) == 4.0
     x, c, _ = some(6)
     torch.nn.init.ones_(made.consequents)
@@ -118,7 +110,7 @@ def test_a_population_of_bands_is_one_by_one(kind: NetworkSettings) -> None:
         a = made.designs(bands[k], x, c)
         torch.testing.assert_close(gram[k], a.mT @ a / 5000, rtol=1e-10, atol=1e-13)
         torch.testing.assert_close(moment[k, :, 0], a.mT @ y / 5000, rtol=1e-10, atol=1e-13)
-    found = ridge_solution(gram, moment, 1e-6)
+    found = ffnn.ridge_solution(gram, moment, 1e-6)
     made.set_bands(bands[4])
     alone = made.solve_consequents(x, c, y, 1e-6).flatten()
     torch.testing.assert_close(found[4, :, 0], alone, rtol=1e-6, atol=1e-8)
@@ -147,7 +139,7 @@ def test_whitened_consequents_start_at_least_squares_with_orthogonal_columns(
 ) -> None:
     made, alone = built(kind), built(kind)
     x, c, y = some(400)
-    white = Whitened(made, x, c, y, 1e-8)
+    white = ffnn.Whitened(made, x, c, y, 1e-8)
     alone.solve_consequents(x, c, y, 1e-8)
     torch.testing.assert_close(white(x, c), alone(x, c), rtol=1e-7, atol=1e-7)
     columns = (made.designs(made.bands, x, c) @ white.map).detach()
@@ -176,18 +168,20 @@ def test_a_uniform_temperature_gives_equal_shares_and_the_mean_rule() -> None:
 
 
 def test_a_narrow_band_reads_its_channel_and_a_wide_one_the_mean() -> None:
-    made = FuzzyFilteredNetwork(FuzzyFilteredSettings(bands=2), 9, 3)
+    made = ffnn.FuzzyFilteredNetwork(FuzzyFilteredSettings(bands=2), 9, 3)
     x = some(4)[0]
-    bands = torch.tensor([[6.0, NARROWEST], [4.0, 9.0e3]], dtype=torch.float64)
+    bands = torch.tensor([[6.0, ffnn.NARROWEST], [4.0, 9.0e3]], dtype=torch.float64)
     o = made.filtered(bands, x)
-    neighbours = 2 * np.exp(-0.5 / NARROWEST**2)  # of both sides, as a share of the channel's own
+    neighbours = 2 * np.exp(
+        -0.5 / ffnn.NARROWEST**2
+    )  # of both sides, as a share of the channel's own
     torch.testing.assert_close(o[:, 0], x[:, 6], atol=float(neighbours), rtol=0.0)
     torch.testing.assert_close(o[:, 1], x.mean(1), rtol=1e-6, atol=0.0)
 
 
 @pytest.mark.parametrize("bands", [1, 2, 3, 5, 12])
 def test_bands_start_spread_inside_their_bounds_and_are_kept_there(bands: int) -> None:
-    made = FuzzyFilteredNetwork(FuzzyFilteredSettings(bands=bands), 9, 3)
+    made = ffnn.FuzzyFilteredNetwork(FuzzyFilteredSettings(bands=bands), 9, 3)
     centre = made.bands[:, 0].detach().numpy()
     np.testing.assert_allclose(centre + centre[::-1], 8.0, atol=1e-12)
     with torch.no_grad():
@@ -199,10 +193,10 @@ def test_bands_start_spread_inside_their_bounds_and_are_kept_there(bands: int) -
 def test_what_no_network_can_be_built_on_is_refused() -> None:
     generator = torch.Generator()
     with pytest.raises(ValueError, match="on 2 sensors and 3 consequent inputs"):
-        network(FuzzyFilteredSettings(), 2, 3, generator)
+        ffnn.network(FuzzyFilteredSettings(), 2, 3, generator)
     with pytest.raises(ValueError, match="on 9 sensors and 0 consequent inputs"):
-        network(BackPropagationSettings(), 9, 0, generator)
+        ffnn.network(BackPropagationSettings(), 9, 0, generator)
     with pytest.raises(ValueError, match="NetworkSettings is of no network"):
-        network(NetworkSettings(), 9, 3, generator)
+        ffnn.network(NetworkSettings(), 9, 3, generator)
     with pytest.raises(ValueError, match=r"fuzzy_filtered.bands = 0"):
         FuzzyFilteredSettings(bands=0)

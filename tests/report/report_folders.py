@@ -8,8 +8,10 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
+from page_reader import every_word
 
 from pipeline.report.folders import FleetInfo, MachineFolders
+from pipeline.report.pages import write_report
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, write_golden
 from pipeline.schema.model import Correlation, Parameter, SourceFile, Training
 from pipeline.schema.predictions import write_predictions
@@ -28,6 +30,12 @@ FLEET = FleetInfo(
     notes=("The quick budget cut the forest to 20 trees.",),
     versions={"numpy": "2.4.6"},
 )
+
+
+def reported(root: Path, folders: MachineFolders) -> str:
+    """Every word of the report of a machine ``m``."""
+    write_report([folders], FLEET, None, root / "out")
+    return every_word(root / "out" / "m.html")
 
 
 def empty_machine(root: Path, name: str, origin: str = "simulated", **kwargs) -> MachineFolders:

@@ -15,6 +15,7 @@ from report_folders import (
     machine,
     nanoseconds,
     parameter,
+    reported,
     spindle_model,
     write_alarms,
     write_state,
@@ -84,8 +85,7 @@ def test_a_model_that_learnt_from_the_golden_week_is_called_out(tmp_path):
     folders = machine(tmp_path, "m")
     leaked = spindle_model(folders, ["2024-03-04", "2024-03-05", "2024-03-06"])
     write_json(leaked, folders.models / "spindle" / "model.json")
-    write_report([folders], FLEET, None, tmp_path / "out")
-    text = every_word(tmp_path / "out" / "m.html")
+    text = reported(tmp_path, folders)
     assert 'id="twin" class="is-attention"' in (tmp_path / "out" / "m.html").read_text()
     said = "the model of the spindle temperature was also fitted on agent/2024-03-06.txt"
     assert f"The judgement is worthless: {said}." in text
@@ -98,8 +98,7 @@ def test_losses_without_a_reason_are_called_out(tmp_path):
     manifest = json.loads(path.read_text())
     manifest["files"]["agent/2024-03-04.txt"]["kept"] = 7
     path.write_text(json.dumps(manifest))
-    write_report([folders], FLEET, None, tmp_path / "out")
-    text = every_word(tmp_path / "out" / "m.html")
+    text = reported(tmp_path, folders)
     assert "Records were lost without a reason in agent/2024-03-04.txt" in text
 
 
@@ -114,8 +113,7 @@ def test_a_day_without_record_is_a_surprise_only_on_a_weekday_that_works(tmp_pat
 def test_records_of_two_years_are_two_periods_not_a_year_of_missing_days(tmp_path):
     folders = machine(tmp_path, "m", days=4)
     write_state(folders.clean / "state" / "2025-07-07.parquet", "2025-07-07", "O1", "READY", 0)
-    write_report([folders], FLEET, None, tmp_path / "out")
-    text = every_word(tmp_path / "out" / "m.html")
+    text = reported(tmp_path, folders)
     assert "2 separate periods: Mon 4 Mar to Thu 7 Mar 2024; Mon 7 Jul to Mon 7 Jul 2025" in text
     assert "No record on" not in text
     assert "4 Mar 2024" in text.split("Figure")[0].split("no record")[-1]  # years in the figure
@@ -129,8 +127,7 @@ def test_a_night_switched_off_is_no_loss_but_an_hour_of_the_day_is(tmp_path):
         "data_item": pa.array([None, None], pa.string()), "start": pa.array([start] * 2, UTC_NS),
         "end": pa.array(start + hours * 3600 * 10**9, UTC_NS), "cause": ["silence"] * 2,
     })  # fmt: skip
-    write_report([folders], FLEET, None, tmp_path / "out")
-    text = every_word(tmp_path / "out" / "m.html")
+    text = reported(tmp_path, folders)
     assert "not heard for 1 h 00 min from Mon 4 Mar 2024, 19:00 UTC (silence)." in text
 
 
@@ -144,8 +141,7 @@ def test_a_sensor_that_often_reads_wrong_is_named(tmp_path):
         "data_item": ["S1temp"], "category": ["SAMPLE"], "component": ["Rotary"],
         "component_name": ["C"], "type": ["TEMPERATURE"],
     })  # fmt: skip
-    write_report([folders], FLEET, None, tmp_path / "out")
-    text = every_word(tmp_path / "out" / "m.html")
+    text = reported(tmp_path, folders)
     assert (
         "Rotary C, temperature (S1temp) 400 values were removed (zeros between good values), 100 "
         "on a working day, the last on Mon 4 Mar 2024, 00:06 UTC." in text
@@ -154,10 +150,7 @@ def test_a_sensor_that_often_reads_wrong_is_named(tmp_path):
 
 
 def test_alarms_are_counted_by_kind_with_what_is_still_active_first(tmp_path):
-    folders = machine(tmp_path, "m", days=4)
-    write_report([folders], FLEET, None, tmp_path / "out")
-    page = tmp_path / "out" / "m.html"
-    text = every_word(page)
+    text, page = reported(tmp_path, machine(tmp_path, "m", days=4)), tmp_path / "out" / "m.html"
     assert "The control reported 1 fault and 3 warnings; the longest was 217" in text
     assert "At the end of the records 1 alarm was still active." in text
     rows = section(page, "alarms").partition("<table")[2]
@@ -174,10 +167,8 @@ def test_a_machine_without_conditions_has_no_section_of_alarms(tmp_path):
     write_table(folders.signals / "data_items.parquet", items | {
         "category": ["CONDITION"], "type": ["POSITION"]
     })  # fmt: skip
-    write_report([folders], FLEET, None, tmp_path / "out")
-    assert "None of 1 condition was a warning or a fault." in every_word(
-        tmp_path / "out" / "m.html"
-    )
+    said = "None of 1 condition was a warning or a fault."
+    assert said in reported(tmp_path, folders)
 
 
 def test_a_sunday_that_ran_for_minutes_once_makes_no_sunday_usual() -> None:
@@ -196,16 +187,14 @@ def test_a_sunday_that_ran_for_minutes_once_makes_no_sunday_usual() -> None:
 def test_a_data_item_that_no_record_has_stands_first_with_the_names_like_it(tmp_path):
     folders = machine(tmp_path, "m", days=3)
     write_json({"absent": ["Ssped"], "near": {"Ssped": ["Sspeed"]}}, folders.clean / "summary.json")
-    write_report([folders], FLEET, None, tmp_path / "out")
-    text = every_word(tmp_path / "out" / "m.html")
+    text = reported(tmp_path, folders)
     assert "does not exist in any record; called like it: Sspeed." in text
 
 
 def test_what_is_missing_says_which_signals_are_logged(tmp_path):
     wanted = (("a model of the spindle", "speed, load and temperature of the spindle"),)
     folders = machine(tmp_path, "m", days=3, missing=wanted)
-    write_report([folders], FLEET, None, tmp_path / "out")
-    assert "Logged already: spindle " in every_word(tmp_path / "out" / "m.html")
+    assert "Logged already: spindle " in reported(tmp_path, folders)
 
 
 def test_a_table_written_once_is_no_live_source():
@@ -261,8 +250,7 @@ def test_a_machine_whose_agent_said_unavailable_is_off_and_not_silent(tmp_path, 
     facts = machine_facts(folders)
     assert facts.off is announced
     assert (facts.silence is None) is announced
-    write_report([folders], FLEET, None, tmp_path / "out")
-    text = every_word(tmp_path / "out" / "m.html")
+    text = reported(tmp_path, folders)
     assert ("unavailable since then, as its agent said" in text) is announced
     assert ("is silent" in text) is not announced
 

@@ -10,7 +10,7 @@ from urllib.parse import unquote
 import numpy as np
 import pytest
 from page_reader import every_word, evidence, outline, section
-from report_folders import FLEET, empty_machine, machine, write_signals, write_table
+from report_folders import FLEET, empty_machine, machine, reported, write_signals, write_table
 
 from pipeline.report.changes import KeyFigures
 from pipeline.report.folders import FleetInfo, MachineFolders
@@ -159,8 +159,7 @@ def test_any_single_missing_file_is_named_or_leaves_the_rest_whole(complete, tmp
     path = tmp_path / "root" / lost
     shutil.rmtree(path) if path.is_dir() else path.unlink()
     folders = reread(tmp_path / "root")
-    write_report([folders], FLEET, None, tmp_path / "out")
-    text = every_word(tmp_path / "out" / "m.html")
+    text = reported(tmp_path, folders)
     rest = "Time ACTIVE" if "state" in lost else "3 days with records"
     assert rest in text
     assert f"made from {path.name}" not in text
@@ -171,8 +170,7 @@ def test_a_broken_file_is_named_with_the_reason(complete, tmp_path, broken):
     shutil.copytree(complete, tmp_path / "root")
     (tmp_path / "root" / broken).write_bytes(b"\x00not what it says")
     folders = reread(tmp_path / "root")
-    write_report([folders], FLEET, None, tmp_path / "out")
-    text = every_word(tmp_path / "out" / "m.html")
+    text = reported(tmp_path, folders)
     assert re.search(
         rf"{re.escape(Path(broken).name)} was left out: (not|is no) (JSON|Parquet)", text
     )
@@ -197,8 +195,7 @@ def test_documents_of_another_shape_never_stop_the_report(complete, tmp_path, co
         if name.endswith(".json"):
             (tmp_path / "root" / name).write_text(content)
     folders = reread(tmp_path / "root")
-    write_report([folders], FLEET, None, tmp_path / "out")
-    assert "What the machine did" in every_word(tmp_path / "out" / "m.html")
+    assert "What the machine did" in reported(tmp_path, folders)
 
 
 HOSTILE = "<script>alert('x')</script>\"><img src=x onerror=alert(1)>"
@@ -257,8 +254,7 @@ def test_what_stands_in_no_manifest_entry_is_not_known_not_zero(tmp_path):
     write_signals(folders, ["2024-03-04"])
     path = folders.signals / "manifest.json"
     path.write_text('{"files": {"a.txt": {"reason": "it is a picture", "rows": 0}}}')
-    write_report([folders], FLEET, None, tmp_path / "out")
-    text = every_word(tmp_path / "out" / "m.html")
+    text = reported(tmp_path, folders)
     assert "1 file could not be read at all: a.txt" in text
     assert "a.txt – not known not known not known" in text
 
@@ -336,8 +332,7 @@ def champion(folders: MachineFolders, status: Status) -> str:
 def test_the_champion_is_shown_and_is_no_news_while_it_is_the_latest(tmp_path):
     folders = machine(tmp_path, "m")
     sha256 = champion(folders, "passed")
-    write_report([folders], FLEET, None, tmp_path / "out")
-    text = every_word(tmp_path / "out" / "m.html")
+    text = reported(tmp_path, folders)
     assert f"spindle temperature {sha256} passed the same" in text
     assert "champion that serves has another model" not in text
 

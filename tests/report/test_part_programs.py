@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from optimise_documents import optimised, part
 from page_reader import every_word
-from report_folders import FLEET, empty_machine, machine
+from report_folders import FLEET, empty_machine, machine, reported
 
 from pipeline.report.folders import MachineFolders
 from pipeline.report.optimised.page import write_optimised_page
@@ -135,8 +135,7 @@ def test_loads_that_rest_on_forces_that_failed_are_doubted(tmp_path: Path, passe
     write_json(judged, folders.models / "cutting" / "verdict.json")
     folders = replace(folders, submodels=("spindle", "cutting"))
     folders = with_parts(tmp_path, folders, {"SLOT": optimised()})
-    write_report([folders], FLEET, None, tmp_path / "out")
-    text = every_word(tmp_path / "out" / "m.html")
+    text = reported(tmp_path, folders)
     assert ("Do not load it yet: the forces of this machine’s cut" in text) is not passed
     assert ("less cost, inside its limits" in text) is passed
 

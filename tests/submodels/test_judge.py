@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -60,6 +61,17 @@ def predictor(one: Case) -> Prediction:
     return Prediction(frame=frame.assign(regime=""))
 
 
+def changed(**columns: Any):
+    """A predictor with columns of another value, or of a function of its rows."""
+    return lambda one: Prediction(frame=predictor(one).frame.assign(**columns))
+
+
+def shifted(found: Prediction, by: float) -> Prediction:
+    """A prediction moved by that, with those of its other trainings."""
+    moved = [c for c in found.frame if c.startswith(("predicted", "again"))]
+    return Prediction(frame=found.frame.assign(**{c: found.frame[c] + by for c in moved}))
+
+
 TARGET = Target(
     quantity="force", unit="N", limits={"mae": 0.35}, baselines=("mean",), must_beat=("mean",)
 )
@@ -102,10 +114,7 @@ def test_an_error_beyond_its_limit_is_named_with_value_and_limit() -> None:
 def test_a_share_of_next_to_nothing_has_no_figure() -> None:
     """A force that was zero all the time: a relative error of it is no number for a person."""
     target = replace(TARGET, limits={"relative_percent": 15.0}, must_beat=())
-
-    def still(one: Case) -> Prediction:
-        return replace(found := predictor(one), frame=found.frame.assign(measured=1e-9))
-
+    still = changed(measured=1e-9)
     (reason,) = judged("drive", [TRAIN, A], target=target, predict=still).verdict.reasons
     assert reason == "a: force, relative error more than 1000 % of nearly 0 is above 15 %"
     used = UsedModel(submodel="control", figures="times", status="failed", spread_percent=2710.0)
@@ -242,10 +251,7 @@ def test_a_word_that_was_not_learnt_is_outside() -> None:
 
 
 def test_a_model_that_is_worse_than_its_baseline_fails() -> None:
-    def worse(one: Case) -> Prediction:
-        frame = predictor(one).frame
-        return Prediction(frame=frame.assign(predicted=frame["measured"] - 1.5))
-
+    worse = changed(predicted=lambda rows: rows["measured"] - 1.5)
     wide = replace(TARGET, limits={"mae": 9.0})
     found = judged("spindle", [TRAIN, A, B], target=wide, predict=worse).verdict
     assert found.status == "failed"
@@ -257,12 +263,7 @@ def test_a_model_that_is_worse_than_its_baseline_fails() -> None:
 
 def test_better_on_one_of_two_errors_is_not_better() -> None:
     """Half of the samples right and half 1.9 off: a lower mean error than 1, a higher RMSE."""
-
-    def uneven(one: Case) -> Prediction:
-        frame = predictor(one).frame
-        off = 1.9 * (np.arange(len(frame)) % 2)
-        return Prediction(frame=frame.assign(predicted=frame["measured"] - off))
-
+    uneven = changed(predicted=lambda rows: rows["measured"] - 1.9 * (np.arange(len(rows)) % 2))
     wide = replace(TARGET, limits={"mae": 9.0})
     found = judged("spindle", [TRAIN, A, B], target=wide, predict=uneven).verdict
     assert found.status == "failed"
@@ -273,11 +274,9 @@ def test_better_on_one_of_two_errors_is_not_better() -> None:
     ("resolution", "status"), [(0.0, "not decided"), (1.0, "not decided"), (1e-6, "failed")]
 )  # 0: the recorded values lie on whole numbers, which tells their step
 def test_worse_by_less_than_the_sensor_tells_is_not_decided(resolution: float, status: str) -> None:
-    def hardly_worse(one: Case) -> Prediction:
-        frame = predictor(one).frame
-        off = 1.001 * (frame["baseline_mean"] - frame["measured"])
-        return Prediction(frame=frame.assign(predicted=frame["measured"] - off))
-
+    hardly_worse = changed(
+        predicted=lambda rows: 2.001 * rows["measured"] - 1.001 * rows["baseline_mean"]
+    )
     near = replace(TARGET, limits={"mae": 9.0}, each_group=True, resolution=resolution)
     found = judged("spindle", [TRAIN, A, B], target=near, predict=hardly_worse).verdict
     assert found.status == status
@@ -329,15 +328,9 @@ def test_an_error_that_surely_fails_is_not_covered_by_one_that_is_not_decided() 
     target = replace(TARGET, limits={"mae": 0.35})
     cases = [TRAIN, B, case("d", "held_out")]
     near = partial(again, 0.03)
-
-    def with_one_off(one: Case) -> Prediction:
-        frame = near(one).frame
-        moved = [c for c in frame if c.startswith(("predicted", "again"))]
-        return Prediction(frame=frame.assign(**{c: frame[c] + 0.5 for c in moved}))
-
     found = judged(
         "wear", cases, target=target,
-        predict=lambda one: with_one_off(one) if one.name == "d" else near(one),
+        predict=lambda one: shifted(near(one), 0.5 if one.name == "d" else 0.0),
     ).verdict  # fmt: skip
     assert found.status == "failed"
     assert found.reasons == ("d: force, mean error 0.7 N is above 0.35 N",)
@@ -357,10 +350,7 @@ def test_a_guess_that_is_beaten_by_less_than_trainings_differ_is_not_decided(
     """The guess is off by 1 N, trainings differ by 0.13 N."""
 
     def off(one: Case) -> Prediction:
-        frame = again(0.05, one).frame
-        by = error - ERRORS.get(one.name, 0.2)
-        moved = [c for c in frame if c.startswith(("predicted", "again"))]
-        return Prediction(frame=frame.assign(**{c: frame[c] + by for c in moved}))
+        return shifted(again(0.05, one), error - ERRORS.get(one.name, 0.2))
 
     target = replace(TARGET, limits={"mae": 9.0}, each_group=each_group, resolution=1e-9)
     found = judged("wear", [TRAIN, B], target=target, predict=off).verdict
@@ -528,10 +518,7 @@ def test_without_a_case_to_judge_by_the_reason_says_what_to_do() -> None:
 
 
 def test_every_group_counts_where_the_target_says_so() -> None:
-    def uneven(one: Case) -> Prediction:
-        frame = predictor(one).frame
-        return Prediction(frame=frame.assign(baseline_mean=frame["measured"] + 0.25))
-
+    uneven = changed(baseline_mean=lambda rows: rows["measured"] + 0.25)
     each = replace(TARGET, each_group=True)
     found = judged("spindle", [TRAIN, A, B], target=each, predict=uneven).verdict
     assert any("b: RMSE 0.3 N is not below that of mean, 0.25 N" in r for r in found.reasons)
@@ -615,13 +602,11 @@ COVERED = replace(TARGET, coverage=(0.88, 0.92))
 def with_share_inside(share: float):
     """A predictor whose interval holds this share of each recording's samples."""
 
-    def predict(one: Case) -> Prediction:
-        frame = predictor(one).frame
-        outside = np.arange(len(frame)) >= round(share * len(frame))
-        high = frame["measured"] + np.where(outside, -0.1, 0.5)
-        return Prediction(frame=frame.assign(high=high))
+    def high(rows: pd.DataFrame) -> "pd.Series[float]":
+        outside = np.arange(len(rows)) >= round(share * len(rows))
+        return rows["measured"] + np.where(outside, -0.1, 0.5)
 
-    return predict
+    return changed(high=high)
 
 
 @pytest.mark.parametrize("share", [0.6, 1.0])

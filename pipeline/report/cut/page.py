@@ -9,24 +9,10 @@ from markupsafe import Markup
 
 from pipeline.charts import svg
 from pipeline.charts.numbers import counted, duration, number
-from pipeline.charts.sections import Figure, Figures, Section, present
+from pipeline.charts.sections import Figure, Figures, Section, drawing, present
 from pipeline.charts.sources import Source
 from pipeline.charts.svg import anchor
-from pipeline.report.cut.tables import (
-    MOST_SPANS,
-    NO_COST,
-    axes_table,
-    basis_table,
-    cost_table,
-    edge_words,
-    edges_table,
-    forces_table,
-    intervals_table,
-    sentence,
-    share,
-    warnings_pairs,
-    worst_table,
-)
+from pipeline.report.cut import tables
 from pipeline.report.programs.panels import Panel, clock, tool_spans
 from pipeline.report.programs.simulated import Program, feed_classes, time_section
 from pipeline.report.standalone_page import (
@@ -232,7 +218,9 @@ def cut_page(shown: SimulatedCut, sources: list[Source]) -> StandalonePage:
         _stability_section(cut, sources),
         None if shown.time is None else _time_section(shown.time, sources),
         Section(
-            key="cost", title="Time, tool life and cost", blocks=present(cost_table(cut, sources))
+            key="cost",
+            title="Time, tool life and cost",
+            blocks=present(tables.cost_table(cut, sources)),
         ),
         _basis_section(cut, sources),
     ]
@@ -285,13 +273,14 @@ def _nearest(cut: ProgramCut) -> list[str]:
     what = binds if binds == "stability" else f"the {binds.removesuffix(' limit')}"
     guessed = binds == "stability" and not cut.dynamics_measured
     doubt = ", by dynamics that were not measured" if guessed else ""
-    return [f"{where} is {what}: {share(used)} in line {line}{doubt}."]
+    return [f"{where} is {what}: {tables.share(used)} in line {line}{doubt}."]
 
 
 def _sentences(warnings: Iterable[CutWarning]) -> list[str]:
     """Each warning with how many blocks it holds for."""
     return [
-        f"{sentence(one.what)}{'' if one.blocks is None else f' in {counted(one.blocks, BLOCK)}'}."
+        tables.sentence(one.what)
+        + ("." if one.blocks is None else f" in {counted(one.blocks, BLOCK)}.")
         for one in warnings
     ]
 
@@ -304,12 +293,12 @@ def _key_figures(cut: ProgramCut) -> list[tuple[str, str, str]]:
     return [
         ("Peak load", _with_unit(total.peak_load_N, "N"), ", ".join(where)),
         ("Peak power", _with_unit(total.power_kW, "kW"),
-         "drive not known" if driven is None else f"{share(driven)} of the drive"),
+         "drive not known" if driven is None else f"{tables.share(driven)} of the drive"),
         ("Removed", _with_unit(total.volume_cm3, "cm³"),
          f"{_with_unit(total.removal_rate_cm3_min, 'cm³/min')} while cutting"),
         ("Program", duration(total.time_s),
-         "" if air is None else f"{share(air)} of the time at feed in air"),
-        _cost_figure(total.cost or NO_COST, cut.currency or ""),
+         "" if air is None else f"{tables.share(air)} of the time at feed in air"),
+        _cost_figure(total.cost or tables.NO_COST, cut.currency or ""),
     ]  # fmt: skip
 
 
@@ -328,44 +317,42 @@ def _load_section(program: str, cut: ProgramCut, sources: list[Source]) -> Secti
     if trace.total_s <= 0 or not np.isfinite(values_of(trace.entry_deg)).any():
         return None
     legend = [*LOAD_LEGEND, *([OVER_LEGEND] if limit is not None else [])]
-    load = Figure(
-        svg=load_figure(trace, limit, f"Peak load over the time of {program}"),
-        caption="Greatest force on the tool in the plane within a revolution, over the time of the "
+    load = drawing(
+        load_figure(trace, limit, f"Peak load over the time of {program}"),
+        "Greatest force on the tool in the plane within a revolution, over the time of the "
         "program, at the highest feed that each block reaches.",
-        sources=sources,
-    )
-    engagement = Figure(
-        svg=engagement_figure(trace, f"Axial and radial depth, entry and exit of {program}"),
-        caption="Depth along the tool’s axis, depth across the feed, and the arc on which a tooth "
+        sources, legend,
+    )  # fmt: skip
+    engagement = drawing(
+        engagement_figure(trace, f"Axial and radial depth, entry and exit of {program}"),
+        "Depth along the tool’s axis, depth across the feed, and the arc on which a tooth "
         "is in the material: 0° where up-milling enters, 180° where down-milling leaves.",
-        sources=sources,
-    )
+        sources, ENGAGEMENT_LEGEND,
+    )  # fmt: skip
     return Section(
         key="load",
         title="Load along the path",
         text=[
             "Each column is a stretch of time; lowest and highest values of a column are drawn, so "
             "that no peak is lost.",
-            *edge_words(cut.edges),
+            *tables.edge_words(cut.edges),
         ],
-        pairs=warnings_pairs(cut.warnings, MOST_SPANS),
-        blocks=[
-            Figures(figures=[load], legend=legend, kind="one wide"),
-            Figures(figures=[engagement], legend=ENGAGEMENT_LEGEND, kind="one wide"),
-            *present(
-                forces_table(cut, sources),
-                intervals_table(cut, sources),
-                edges_table(cut.edges, sources),
-                worst_table(cut, sources),
-                axes_table(cut.axes, sources),
-            ),
-        ],
+        pairs=tables.warnings_pairs(cut.warnings, tables.MOST_SPANS),
+        blocks=present(
+            load,
+            engagement,
+            tables.forces_table(cut, sources),
+            tables.intervals_table(cut, sources),
+            tables.edges_table(cut.edges, sources),
+            tables.worst_table(cut, sources),
+            tables.axes_table(cut.axes, sources),
+        ),
     )
 
 
 def _stability_section(cut: ProgramCut, sources: list[Source]) -> Section | None:
     lobes, drive = _lobes(cut, sources), _drive(cut, sources)
-    unknown = [(f"{sentence(one.what)}: not known", one.why) for one in cut.not_known]
+    unknown = [(f"{tables.sentence(one.what)}: not known", one.why) for one in cut.not_known]
     if lobes is None and drive is None and not unknown:
         return None
     rests = lobes is not None and cut.dynamics
@@ -396,11 +383,8 @@ def _lobes(cut: ProgramCut, sources: list[Source]) -> Figures | None:
 def _drive(cut: ProgramCut, sources: list[Source]) -> Figures | None:
     words = "Cutting power against the drive"
     picture = None if cut.drive is None else drive_figure(cut.drive, words)
-    if picture is None:
-        return None
     caption = "Cutting power of the blocks against the power that the spindle’s drive has left."
-    figure = Figure(svg=picture, caption=caption, sources=sources)
-    return Figures(figures=[figure], legend=DRIVE_LEGEND)
+    return drawing(picture, caption, sources, DRIVE_LEGEND, kind="")
 
 
 def _basis_section(cut: ProgramCut, sources: list[Source]) -> Section:
@@ -412,6 +396,6 @@ def _basis_section(cut: ProgramCut, sources: list[Source]) -> Section:
         title="What these numbers rest on",
         text=list(cut.notes),
         pairs=left_out,
-        blocks=present(basis_table(cut, sources)),
+        blocks=present(tables.basis_table(cut, sources)),
         closing=True,
     )

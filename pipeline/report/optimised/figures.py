@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from pipeline.charts import svg
 from pipeline.charts.numbers import as_stated, number
-from pipeline.charts.sections import Figure, Figures
+from pipeline.charts.sections import Figures, drawing
 from pipeline.charts.sources import Source
 from pipeline.report.cut.tables import sentence
 from pipeline.report.optimised.tables import KEPT, by_line, limit_name
@@ -104,15 +104,12 @@ def load_figures(part: OptimisedPart, sources: list[Source]) -> Figures | None:
     if before is None or after is None:
         return None
     words = f"Load along the path of {part.program}, as programmed and optimised"
-    figure = Figure(
-        svg=load_figure(before, after, limit, trace.tools, words),
-        caption="Highest force on the tool in the plane over the path at feed; the path is the "
-        "same before and after, so that what stands below each other is the same place of the "
-        "part.",
-        sources=sources,
+    caption = (
+        "Highest force on the tool in the plane over the path at feed; the path is the same "
+        "before and after, so that what stands below each other is the same place of the part."
     )
     legend = LOAD_LEGEND if limit is None else [*LOAD_LEGEND, OVER_LEGEND]
-    return Figures(figures=[figure], legend=legend, kind="one wide")
+    return drawing(load_figure(before, after, limit, trace.tools, words), caption, sources, legend)
 
 
 def _columns(panel: Panel, trace: PathLoad, limit: float | None, kind: str) -> Markup:

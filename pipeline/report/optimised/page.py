@@ -3,10 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from markupsafe import Markup
-
 from pipeline.charts.numbers import NARROW, as_stated, counted, duration, number, signed
-from pipeline.charts.sections import Figure, Figures, Section, present
+from pipeline.charts.sections import Figure, Figures, Section, drawing, present
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import Column, tabulated
 from pipeline.report.cut.tables import (
@@ -47,7 +45,6 @@ from pipeline.schema.store import write_text
 MOST_WARNINGS = 8
 MOST_SPANS = 6
 """Stretches of lines that a warning names."""
-Legend = list[tuple[str, str, str]]
 
 
 def write_optimised_page(part: OptimisedPart, out: Path, source: Path | None = None) -> None:
@@ -121,15 +118,6 @@ def _verified(part: OptimisedPart) -> list[str]:
     ]
 
 
-def _drawn(
-    svg: Markup | None, caption: str, legend: Legend, sources: list[Source]
-) -> Figures | None:
-    if svg is None:
-        return None
-    figure = Figure(svg=svg, caption=caption, sources=sources)
-    return Figures(figures=[figure], legend=legend, kind="one wide")
-
-
 def _words_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
     if not part.groups:
         return None
@@ -140,7 +128,7 @@ def _words_section(part: OptimisedPart, sources: list[Source]) -> Section | None
     )
     return Section(
         key="words", title="F and S, and what binds them",
-        blocks=present(_drawn(picture, caption, WORDS_LEGEND, sources),
+        blocks=present(drawing(picture, caption, sources, WORDS_LEGEND),
                        tables.binding_table(part, sources), tables.groups_table(part, sources)),
     )  # fmt: skip
 
@@ -154,7 +142,7 @@ def _time_section(part: OptimisedPart, sources: list[Source]) -> Section:
     many = per_pair(len(part.groups))
     one = "one group of blocks" if many == 1 else f"{many} groups of blocks"
     caption = f"Time and cost, each pair of columns {one}."
-    figures = _drawn(picture, caption, LOAD_LEGEND, sources)
+    figures = drawing(picture, caption, sources, LOAD_LEGEND)
     return Section(key="time", title="Time and cost",
                    blocks=present(tables.gain_table(part, sources), figures))  # fmt: skip
 

@@ -11,23 +11,12 @@ from markupsafe import Markup, escape
 from pipeline.charts import svg
 from pipeline.charts.sections import Figure, Figures, Section
 from pipeline.charts.sources import Source
-from pipeline.report.programs.moves import (
-    COLOURS,
-    UNKNOWN,
-    VIEWS,
-    Axes,
-    Classes,
-    View,
-    framed,
-    grid_points,
-    panel,
-    stroke,
-)
+from pipeline.report.programs import moves
 from pipeline.schema.arrays import Floats
 from pipeline.schema.part import LoadTrace, OptimisedPart
 from pipeline.schema.part_sheet import PathTrace
 
-(PLAN, _), (FRONT, _) = VIEWS
+(PLAN, _), (FRONT, _) = moves.VIEWS
 
 SCRIPT = Markup("""
 for (const control of document.querySelectorAll('.slider')) {
@@ -63,11 +52,13 @@ for (const control of document.querySelectorAll('.slider')) {
 """Moves the mark along the path; the page's policy names it by its hash."""
 
 
-def load_classes(loads: Floats) -> Classes:
+def load_classes(loads: Floats) -> moves.Classes:
     """Classes between round loads up to the greatest [N], NaN being air."""
     most = max(float(np.nanmax(loads)), 1e-6)
-    marks = tuple(mark for mark in svg.ticks(0.0, most, most=COLOURS) if 0 < mark < most)
-    return Classes(bounds=marks[: COLOURS - 1], unit="N", alike="in the cut", unknown="in air")
+    marks = tuple(mark for mark in svg.ticks(0.0, most, most=moves.COLOURS) if 0 < mark < most)
+    return moves.Classes(
+        bounds=marks[: moves.COLOURS - 1], unit="N", alike="in the cut", unknown="in air"
+    )
 
 
 def path_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
@@ -82,17 +73,17 @@ def path_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
     classes, limit = load_classes(whole), part.load_limit_N or np.inf
     points = np.array([path.x_mm, path.y_mm, path.z_mm]).T
     ends = np.concatenate([points, _corners(path)])
-    shown = framed(ends.min(axis=0), ends.max(axis=0))
+    shown = moves.framed(ends.min(axis=0), ends.max(axis=0))
     figures = [
         Figure(
             svg=svg.group([
-                panel(
-                    shown, axes, _strokes(path, grid_points(points, shown, axes, 1), load, classes,
-                                          limit),
+                moves.panel(
+                    shown, axes,
+                    _strokes(path, moves.grid_points(points, shown, axes, 1), load, classes, limit),
                     f"{view}: Path of {part.program} {words}",
                     behind=[_blank(path, shown, axes)], above=[_mark(axes)],
                 )
-                for axes, view in VIEWS
+                for axes, view in moves.VIEWS
             ]),
             caption=f"{words.capitalize()}: path at feed in {path.frame}, from above and from the "
             "front, coloured by the peak load across the tool’s axis; the blank behind it.",
@@ -100,7 +91,7 @@ def path_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
         )
         for words, load in zip(("as programmed", "optimised"), loads, strict=True)
     ]  # fmt: skip
-    legend = [classes.legend(k) for k in (*range(len(classes)), UNKNOWN)]
+    legend = [classes.legend(k) for k in (*range(len(classes)), moves.UNKNOWN)]
     legend.append(("s-blank", "blank", "box"))
     if np.nanmax(whole) > limit:
         legend.append(("s-over", "above the limit", "box"))
@@ -119,7 +110,7 @@ def _loads(path: PathTrace, trace: LoadTrace) -> Floats:
 
 
 def _strokes(
-    path: PathTrace, at: np.ndarray, load: Floats, classes: Classes, limit: float
+    path: PathTrace, at: np.ndarray, load: Floats, classes: moves.Classes, limit: float
 ) -> list[Markup]:
     """Pieces between points on the map's grid (V, 2) by load, air first and the greatest last."""
     over = load > limit
@@ -127,20 +118,20 @@ def _strokes(
     joined = np.ones(len(at), dtype=bool)
     joined[list(path.starts)] = False
     drawn = []
-    for index in (UNKNOWN, *range(len(classes) + 1)):
+    for index in (moves.UNKNOWN, *range(len(classes) + 1)):
         name = "over" if index == len(classes) else classes.colour(index)
         rows = np.flatnonzero(joined & (kind == index))
-        if data := stroke(at[rows - 1], at[rows]):
+        if data := moves.stroke(at[rows - 1], at[rows]):
             drawn.append(svg.tag("path", d=data, class_=f"curve load {name}"))
     return drawn
 
 
-def _mark(axes: Axes) -> Markup:
+def _mark(axes: moves.Axes) -> Markup:
     kind = "plan" if axes == PLAN else "front"
     return svg.tag("circle", r=6, cx="0%", cy="0%", class_=f"mark {kind}", hidden="hidden")
 
 
-def _percent(shown: View, axes: Axes, points: Floats) -> Floats:
+def _percent(shown: moves.View, axes: moves.Axes, points: Floats) -> Floats:
     """Place of points (N, 3) in a view [%], across and down; shape (N, 2)."""
     u, v = axes
     across = (points[:, u] - shown.low[u]) / shown.span[u]
@@ -154,7 +145,7 @@ def _corners(path: PathTrace) -> Floats:
     return np.array([path.blank_low_mm, path.blank_high_mm])
 
 
-def _blank(path: PathTrace, shown: View, axes: Axes) -> Markup:
+def _blank(path: PathTrace, shown: moves.View, axes: moves.Axes) -> Markup:
     (left, bottom), (right, top) = _percent(shown, axes, _corners(path)).tolist()
     if path.round_blank and axes == PLAN:
         return svg.tag(
@@ -168,7 +159,7 @@ def _blank(path: PathTrace, shown: View, axes: Axes) -> Markup:
 
 
 def _control(
-    part: OptimisedPart, path: PathTrace, shown: View, points: Floats, loads: list[Floats]
+    part: OptimisedPart, path: PathTrace, shown: moves.View, points: Floats, loads: list[Floats]
 ) -> Markup:
     """Slider and field for the line, with what the script reads; hidden until it runs."""
     plan, front = (_percent(shown, axes, points) for axes in (PLAN, FRONT))

@@ -22,6 +22,7 @@ from pipeline.schema.verdict import Fact, significant
 from pipeline.signals.units import conversion
 from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.contract import Prediction
+from pipeline.submodels.statistics import rank_correlation
 from pipeline.submodels.synthesis.model import FOREST, Learner, Synthesis, beside
 
 GENERATED = "wear of generated windows"
@@ -234,6 +235,21 @@ def _spectra(pair: _Pair) -> list[pd.DataFrame]:
             found.append(
                 _frame(ORDERS, "dB", orders, channel, measured=real[seen], predicted=fake[seen])
             )
+    return found
+
+
+def recorded_readings(frame: pd.DataFrame, role: str | None) -> dict[str, tuple[float, float]]:
+    """Slope and rank correlation of each wear reader over recorded windows of a role's tools."""
+    found: dict[str, tuple[float, float]] = {}
+    if "baseline_recorded" not in frame:
+        return found
+    frame = frame[(frame["quantity"] == GENERATED) & (frame["role"] == role)]
+    for name, one in frame.groupby("regime"):
+        one = one.dropna(subset=["measured", "baseline_recorded"])
+        wear, read = one["measured"].to_numpy(), one["baseline_recorded"].to_numpy()
+        if len(one) > 2 and np.ptp(wear) > 0 and np.ptp(read) > 0:
+            slope = float(np.polyfit(wear, read, 1)[0])
+            found[str(name)] = slope, rank_correlation(wear, read)
     return found
 
 

@@ -7,21 +7,13 @@ import numpy as np
 
 from pipeline.charts.bands import Axis, Strip, axis, band, strips_figure, tick_words
 from pipeline.charts.numbers import counted, joined, number, unit_words
-from pipeline.charts.sections import Figure, Figures
+from pipeline.charts.sections import Figure, Figures, drawing
 from pipeline.charts.sources import Source
 from pipeline.charts.submodel_page import Counting, Drawn, PageContent, made_from
 from pipeline.nets.diversity import FeatureScaling
 from pipeline.schema.arrays import Floats
 from pipeline.submodels.contract import Shown
-from pipeline.submodels.statistics import rank_correlation
-from pipeline.submodels.synthesis.judging import (
-    AUGMENTED,
-    GENERATED,
-    MEAN,
-    NEAREST,
-    RECORDED,
-    SPECTRUM,
-)
+from pipeline.submodels.synthesis import judging
 from pipeline.submodels.synthesis.model import (
     GeneratorFile,
     Reference,
@@ -58,14 +50,14 @@ def content(shown: Seen) -> PageContent:
         case="tool",
         counts=(
             Counting(key="generated_wear_mae", name="Error of the wear read from generated signals",
-                     quantity=GENERATED, regime=judge, error="mae", whole=True),
+                     quantity=judging.GENERATED, regime=judge, error="mae", whole=True),
             *(Counting(key=f"generated_wear_rmse_{k}" if k else "generated_wear_rmse",
                        name=f"RMSE of the wear read{f' by the {name}' if name else ''}, worst tool",
-                       quantity=GENERATED, regime=name) for k, name in enumerate(judges)),
+                       quantity=judging.GENERATED, regime=name) for k, name in enumerate(judges)),
         ),
-        guess=MEAN,
-        titles={MEAN: "mean wear", RECORDED: "recorded signals",
-                NEAREST: "nearest training windows"},
+        guess=judging.MEAN,
+        titles={judging.MEAN: "mean wear", judging.RECORDED: "recorded signals",
+                judging.NEAREST: "nearest training windows"},
         todo={
             "passed": "Signals at a wear that was not recorded: kerf synthesise --machine "
             f"{shown.machine} --wear VALUE --out FILE.",
@@ -77,8 +69,8 @@ def content(shown: Seen) -> PageContent:
         figures=[] if model is None else [
             _figures(shown, model, None if stored is None else reference_of(stored))
         ],
-        drawn=[Drawn(quantity=GENERATED, regime=judge, error="mae", axis="Use of the tool",
-                     other=(RECORDED, "read from recorded signals"))],
+        drawn=[Drawn(quantity=judging.GENERATED, regime=judge, error="mae", axis="Use of the tool",
+                     other=(judging.RECORDED, "read from recorded signals"))],
         shown_facts=("coverage", "density", "bias", "windows"),
         of_judgement=[] if model is None else [_spectra(shown, model)],
     )  # fmt: skip
@@ -91,8 +83,8 @@ def _amount(model: SynthesisModel, value: float) -> str:
 def _augmentation(shown: Seen) -> str:
     """Whether generated windows help to learn the wear of recorded ones."""
     skills = () if shown.verdict is None else shown.verdict.skills
-    one = next((s for s in skills if s.quantity == AUGMENTED and s.baseline == RECORDED
-                and s.mae is not None), None)  # fmt: skip
+    pair = judging.AUGMENTED, judging.RECORDED
+    one = next((s for s in skills if (s.quantity, s.baseline) == pair and s.mae is not None), None)
     if one is None or one.mae is None:
         return ""
     ends, way = one.mae_interval_95, 1.0 if one.mae > 0 else -1.0
@@ -110,25 +102,11 @@ def _augmentation(shown: Seen) -> str:
     )
 
 
-def _recorded(shown: Seen) -> dict[str, tuple[float, float]]:
-    """Slope and rank correlation of each wear reader over recorded windows of held-out tools."""
-    frame, verdict = shown.predictions, shown.verdict
-    if frame is None or verdict is None or "baseline_recorded" not in frame:
-        return {}
-    frame = frame[(frame["quantity"] == GENERATED) & (frame["role"] == verdict.judged_role)]
-    found = {}
-    for name, one in frame.groupby("regime"):
-        one = one.dropna(subset=["measured", "baseline_recorded"])
-        wear, read = one["measured"].to_numpy(), one["baseline_recorded"].to_numpy()
-        if len(one) > 2 and np.ptp(wear) > 0 and np.ptp(read) > 0:
-            slope = float(np.polyfit(wear, read, 1)[0])
-            found[str(name)] = slope, rank_correlation(wear, read)
-    return found
-
-
 def _curve_words(shown: Seen, model: SynthesisModel) -> Iterator[str]:
     """Reading of the wear by each reader, and its course in training."""
-    recorded = _recorded(shown)
+    recorded = {}
+    if shown.predictions is not None and shown.verdict is not None:
+        recorded = judging.recorded_readings(shown.predictions, shown.verdict.judged_role)
     for name, one in model.curves.items():
         words = (
             f"Over {counted(len(one.asked), 'wear')} from {number(one.asked[0])} to "
@@ -223,7 +201,9 @@ def _spectra(shown: Seen, model: SynthesisModel) -> Figures | None:
     frame, verdict = shown.predictions, shown.verdict
     if frame is None or verdict is None or not len(frame):
         return None
-    rows: Any = frame[(frame["quantity"] == SPECTRUM) & (frame["role"] == verdict.judged_role)]
+    rows: Any = frame[
+        (frame["quantity"] == judging.SPECTRUM) & (frame["role"] == verdict.judged_role)
+    ]
     strips, frequency = [], np.zeros(0)
     for channel in model.channels[:CHANNELS_SHOWN]:
         mean = rows[rows["regime"] == channel].groupby("t")[["measured", "predicted"]].mean()
@@ -241,6 +221,6 @@ def _spectra(shown: Seen, model: SynthesisModel) -> Figures | None:
              for f in (frequency[0], frequency[len(frequency) // 2], frequency[-1])]  # fmt: skip
     below = Axis(words="Frequency, Hz", span=(marks[0][0], marks[-1][0]), marks=marks)
     words = "Power in bands, mean over the windows of tools not learnt from."
-    figure = _figure(strips, below, words, made_from(shown, "predictions.parquet"))
     legend = [("l-measured", "recorded", "line"), ("l-window", "generated", "line")]
-    return Figures(figures=[figure], legend=legend, kind="one")
+    figure, source = strips_figure(strips, below, words), made_from(shown, "predictions.parquet")
+    return drawing(figure, words, source, legend, kind="one")

@@ -27,6 +27,7 @@ from pipeline.schema.model import Model
 from pipeline.signals.wear_windows import ChannelScaling, WearWindows
 from pipeline.submodels.conformal import Residuals, bands, splits
 from pipeline.submodels.statistics import LEVEL, auc, gains
+from pipeline.submodels.wear import model
 from pipeline.submodels.wear.due import Lasting
 from pipeline.submodels.wear.methods import (
     FeatureScaling,
@@ -36,22 +37,6 @@ from pipeline.submodels.wear.methods import (
     fit_curve,
     fit_forest,
     fit_ridge,
-)
-from pipeline.submodels.wear.model import (
-    BLEND,
-    FOREST,
-    GUESS,
-    MEDIAN,
-    METHODS,
-    RESNET,
-    RIDGE,
-    Fitted,
-    MethodScore,
-    MethodsFile,
-    Readings,
-    WearFitSettings,
-    WearModel,
-    median,
 )
 
 LEAST_SHARE = 0.05
@@ -67,13 +52,17 @@ class _Task:
     training: WearWindows
     left: WearWindows
     progress: str
-    settings: WearFitSettings
+    settings: model.WearFitSettings
     fold: int
 
 
 def fit_wear(
-    windows: WearWindows, progress: str, settings: WearFitSettings, head: Model, lasting: Lasting
-) -> tuple[WearModel, MethodsFile]:
+    windows: WearWindows,
+    progress: str,
+    settings: model.WearFitSettings,
+    head: Model,
+    lasting: Lasting,
+) -> tuple[model.WearModel, model.MethodsFile]:
     """Fit every method on training windows of three tools or more, and decide who serves.
 
     Windows come in the order of tools and of their use; ``progress`` is the condition that is the
@@ -85,7 +74,7 @@ def fit_wear(
     per_recording = max(several.values()) > 1
     tasks = _tasks(windows, tools, progress, settings)
     steps = len(tasks) * settings.training.steps(min(len(windows), settings.windows))
-    done = mapped(_fold, tasks, compute=place(steps if RESNET in settings.methods else 0))
+    done = mapped(_fold, tasks, compute=place(steps if model.RESNET in settings.methods else 0))
     told = [_Readings.of(task.left, found, per_recording) for task, (found, _) in zip(
         tasks, done, strict=True
     )]  # fmt: skip
@@ -95,7 +84,7 @@ def fit_wear(
     champion, alone = _who_serves(out, scores, weights, is_class=windows.is_class)
     own = _fitted(windows, progress, settings)
     documents = tuple(document for _, document in done if document is not None)
-    return WearModel(
+    return model.WearModel(
         **vars(head), wear_unit=windows.wear_unit,
         learnt=(float(windows.wear.min()), float(windows.wear.max())), channels=windows.channels,
         units=windows.units, rate_Hz=windows.rate_Hz, length=windows.values.shape[2],
@@ -106,7 +95,7 @@ def fit_wear(
             name: bands(_residuals(out, name), alike=True)
             for name in dict.fromkeys((champion, alone))
         },
-    ), MethodsFile(
+    ), model.MethodsFile(
         scaling=own.feature_scaling, ridge=own.ridge,
         forest=None if own.forest is None else own.forest.document(), networks=documents,
         guess=own.guess, by_conditions=own.by_conditions, mean=own.mean,
@@ -126,7 +115,7 @@ def _check_tools(windows: WearWindows, tools: list[str]) -> None:
 
 
 def _tasks(
-    windows: WearWindows, tools: list[str], progress: str, settings: WearFitSettings
+    windows: WearWindows, tools: list[str], progress: str, settings: model.WearFitSettings
 ) -> list[_Task]:
     tasks = []
     # two tools have to be left, one to learn from and one to stop by
@@ -143,23 +132,27 @@ def _tasks(
 
 
 def _who_serves(
-    out: "_Readings", scores: Mapping[str, MethodScore], weights: Mapping[str, float], *,
+    out: "_Readings", scores: Mapping[str, model.MethodScore], weights: Mapping[str, float], *,
     is_class: bool,
 ) -> tuple[str, str]:  # fmt: skip
     """Champion, and the method that would serve without the baseline."""
-    methods = [name for name in METHODS if name in scores]
+    methods = [name for name in model.METHODS if name in scores]
     best = min(methods, key=lambda name: scores[name].rmse)
     # the best of several is chosen after the fact: each has its share of the level (Bonferroni)
-    surely = gains(_squares(out, out.by[MEDIAN]), _squares(out, out.by[best]), LEVEL / len(methods))
-    alone = best if surely else MEDIAN
+    surely = gains(
+        _squares(out, out.by[model.MEDIAN]), _squares(out, out.by[best]), LEVEL / len(methods)
+    )
+    alone = best if surely else model.MEDIAN
     if is_class:
         first = max(methods, key=lambda name: scores[name].auc or 0.0)
         than = (out.by[alone], np.zeros(len(out.wear)))  # the median, and a coin
         alone = first if all(_orders_better(out, out.by[first], one) for one in than) else alone
     # the guess alone never serves
-    shared = weights.get(GUESS, 0.0) > 0 and weights.get(MEDIAN, 0.0) >= LEAST_SHARE
+    shared = weights.get(model.GUESS, 0.0) > 0 and weights.get(model.MEDIAN, 0.0) >= LEAST_SHARE
     worse = _orders_better if is_class else _errs_less
-    return (BLEND if shared and not worse(out, out.by[alone], out.by[BLEND]) else alone), alone
+    return (
+        model.BLEND if shared and not worse(out, out.by[alone], out.by[model.BLEND]) else alone
+    ), alone
 
 
 def _errs_less(out: "_Readings", one: Floats, other: Floats) -> bool:
@@ -197,7 +190,7 @@ def _fold(task: _Task) -> tuple[dict[str, Floats], dict[str, object] | None]:
     """Predictions of the tools left out by every method, and the network's document."""
     fitted = _fitted(task.training, task.progress, task.settings)
     document = None
-    if RESNET in task.settings.methods:
+    if model.RESNET in task.settings.methods:
         from pipeline.nets.wear import train_judge
 
         part = task.training.of(_spread(task.training, task.settings.windows))
@@ -213,7 +206,7 @@ def _fold(task: _Task) -> tuple[dict[str, Floats], dict[str, object] | None]:
     return fitted.predict(task.left), document
 
 
-def _fitted(windows: WearWindows, progress: str, settings: WearFitSettings) -> Fitted:
+def _fitted(windows: WearWindows, progress: str, settings: model.WearFitSettings) -> model.Fitted:
     """Every method but the network, on windows of training tools."""
     scaling, known = ChannelScaling.of(windows.values), KnownConditions.of(windows, progress)
     x = features(windows, scaling, known)
@@ -224,11 +217,11 @@ def _fitted(windows: WearWindows, progress: str, settings: WearFitSettings) -> F
     timed = not windows.is_class and bool(np.isfinite(use).all())
     means = [float(windows.wear[tool == one].mean()) for one in np.unique(tool)]
     chosen = settings.methods
-    return Fitted(
+    return model.Fitted(
         scaling=scaling, known=known, feature_scaling=of_features,
-        ridge=fit_ridge(x, windows.wear, tool) if RIDGE in chosen else None,
+        ridge=fit_ridge(x, windows.wear, tool) if model.RIDGE in chosen else None,
         forest=fit_forest(x, windows.wear, tool, settings.forest, settings.seed)
-        if FOREST in chosen else None,
+        if model.FOREST in chosen else None,
         networks=(),
         guess=fit_curve(use, windows.wear, tool) if timed else None,
         by_conditions=fit_ridge(matrix, windows.wear, tool)
@@ -264,7 +257,7 @@ class _Readings:
 
     @staticmethod
     def of(windows: WearWindows, found: Mapping[str, Floats], per_recording: bool) -> "_Readings":
-        readings = Readings.among(windows, per_recording=per_recording)
+        readings = model.Readings.among(windows, per_recording=per_recording)
         known = windows.measured[readings.first]
         return _Readings(
             by={name: readings.mean(one)[known] for name, one in found.items()},
@@ -288,9 +281,9 @@ class _Readings:
 
 def _with_blend(out: _Readings) -> dict[str, float]:
     """Add median and blend, each tool's by weights of the others; weights of all tools."""
-    out.by[MEDIAN] = median(out.by)
-    names = (MEDIAN, GUESS)
-    if GUESS not in out.by:
+    out.by[model.MEDIAN] = model.median(out.by)
+    names = (model.MEDIAN, model.GUESS)
+    if model.GUESS not in out.by:
         return {}
     told = np.stack([out.by[name] for name in names], axis=1)
     blend = np.empty(len(out.wear))
@@ -298,7 +291,7 @@ def _with_blend(out: _Readings) -> dict[str, float]:
         own = out.tool == tool
         weights = blend_weights(told[~own], out.wear[~own], out.tool[~own])
         blend[own] = told[own] @ weights
-    out.by[BLEND] = blend
+    out.by[model.BLEND] = blend
     found = blend_weights(told, out.wear, out.tool)
     return {name: float(weight) for name, weight in zip(names, found, strict=True)}
 
@@ -309,11 +302,11 @@ def _squares(out: _Readings, told: Floats) -> Floats:
     return np.array([np.mean(error[out.tool == tool] ** 2) for tool in np.unique(out.tool)])
 
 
-def _score(out: _Readings, told: Floats, *, is_class: bool) -> MethodScore:
+def _score(out: _Readings, told: Floats, *, is_class: bool) -> model.MethodScore:
     error = told - out.wear
     squares = _squares(out, told)
     sizes = [float(np.mean(np.abs(error[out.tool == tool]))) for tool in np.unique(out.tool)]
-    return MethodScore(
+    return model.MethodScore(
         rmse=float(np.sqrt(squares.mean())), mae=float(np.mean(sizes)),
         worst=float(np.sqrt(squares.max())),
         balanced_accuracy=balanced_accuracy(told, out.wear) if is_class else None,
