@@ -57,7 +57,7 @@ def somewhere(seed: int, chance: int) -> Decision:
     seed=st.integers(0, 2), objective=st.sampled_from(OBJECTIVES), chance=st.integers(0, 99),
     from_direct=st.booleans(),
 )  # fmt: skip
-@settings(deadline=None, max_examples=12)
+@settings(max_examples=12)
 def test_it_is_never_worse_than_its_start(
     seed: int, objective: Objective, chance: int, from_direct: bool
 ) -> None:
@@ -264,7 +264,7 @@ def test_the_knee_is_that_of_its_members(seed: int) -> None:
     assert front.knee == among[knee(front.objectives[among])]
 
 
-@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("seed", [2, pytest.param(3, marks=pytest.mark.proof)])
 def test_the_knee_is_no_worse_than_the_program_though_that_of_all_members_is(seed: int) -> None:
     """A wide range of wear makes a slow and expensive member look like a small loss."""
     front = front_of(seed)
@@ -302,7 +302,7 @@ def test_a_start_is_the_same_in_the_groups_of_the_front(seed: int) -> None:
 
 def test_a_front_of_one_seed_is_the_same_bytes() -> None:
     def run(seed: int) -> bytes:
-        some = replace(FRONT, seed=seed)
+        some = replace(FRONT, seed=seed, generations=3)
         return pareto(front_problem(1), starts(1), OBJECTIVES, some).objectives.tobytes()
 
     assert run(3) == run(3) != run(4)

@@ -85,7 +85,7 @@ def kept(cut, feeds, speeds):
     return max(float(ratio.max()) for ratio in ratios)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.floats(0.2, 2.0))
 def test_there_is_no_violation_just_inside_all_limits(problem, seed, wide):
     cut, rng = problem.cut, np.random.default_rng(seed)

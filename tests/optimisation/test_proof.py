@@ -230,7 +230,7 @@ def test_what_cannot_be_read_is_one_sentence(before: bytes, after: bytes, said: 
     assert "\n" not in str(told.value)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=80)
 @given(st.binary(max_size=80), st.binary(max_size=80), st.integers(0, 20))
 def test_no_bytes_make_it_stumble(one: bytes, other: bytes, seed: int) -> None:
     program = modal_program(np.random.default_rng(seed))

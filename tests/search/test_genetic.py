@@ -39,7 +39,7 @@ def some_settings() -> st.SearchStrategy[GeneticSettings]:
 
 
 @given(some=some_settings(), d=st.integers(1, 4))
-@settings(deadline=None)
+@settings(max_examples=40)
 def test_bounds_counts_and_history_hold_whatever_the_settings(
     some: GeneticSettings, d: int
 ) -> None:
@@ -243,8 +243,3 @@ def test_it_is_nowhere_worse_than_pymoo() -> None:
     for place, case in enumerate(sorted(cases, key=lambda case: found[case][2])):
         mine, other, worse = found[case]
         assert worse > 0.05 / (len(cases) - place), f"{case}: {mine:.3g} against {other:.3g}"
-
-
-def test_on_one_landscape_it_is_not_worse() -> None:
-    mine, other, worse = compared("ackley", 5, 5)
-    assert worse > 0.05, f"{mine:.3g} against {other:.3g}"
