@@ -189,7 +189,7 @@ def new_project(folder: Path, order: Order) -> Path:
     config = folder / "conf/config.yaml"
     config.write_text(config.read_text().replace("budget: default", "budget: quick"))
     search = folder / "conf/optimisation/default.yaml"
-    search.write_text(search.read_text().replace("draws: 1024", "draws: 256"))
+    search.write_text(search.read_text().replace("draws: 1024", "draws: 64"))
     for path in () if order.dynamics else (folder / "conf/machine").glob("mill*.yaml"):
         # usual values of 40-taper spindles, by which each slot in steel would chatter
         text = re.sub(r"^dynamics:.*\n(?:  .*\n)+", "", path.read_text(), flags=re.MULTILINE)
