@@ -196,14 +196,15 @@ def test_what_is_told_is_what_the_decision_comes_to() -> None:
         assert (method.decision.speeds == np.round(method.decision.speeds)).all()
 
 
-def test_feeds_of_a_turn_keep_ranges_of_a_minute() -> None:
+def test_feeds_of_a_turn_keep_ranges_of_a_minute_and_speeds_theirs() -> None:
     limits = CutLimit(load_N=200.0, feed_mm_min=(100.0, 900.0), speed_rpm=(2000.0, 8000.0))
     part = problem_on(cut_on(PER_TURN), limits)
     groups = blockwise_optimum(part, "time", Grouping()).groups
     for method in baselines(part, groups, "time", SearchSettings(baseline=500))[1:]:
-        rows = part.cuts
-        per_minute = (method.decision.row_feeds * method.decision.row_speeds)[rows]
+        speeds = method.decision.row_speeds[part.cuts]
+        per_minute = method.decision.row_feeds[part.cuts] * speeds
         assert (per_minute >= 100 * (1 - 1e-9)).all() and (per_minute <= 900 * (1 + 1e-9)).all()
+        assert (speeds >= 2000).all() and (speeds <= 8000).all()
 
 
 def test_none_leaves_the_many_out_and_a_callback_ends_them() -> None:

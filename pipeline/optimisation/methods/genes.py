@@ -95,10 +95,9 @@ class WordGenes:
         first = first_rows(groups.feed)
         self._first = first
         self._by_turn = problem.cut.plan.path.motion[first] == Motion.PER_TURN
-        slow, fast = np.zeros(len(first)), np.full(len(first), np.inf)
-        rows = np.flatnonzero(groups.feed >= 0)
-        np.maximum.at(slow, groups.feed[rows], problem.ranges.feed_low[rows])
-        np.minimum.at(fast, groups.feed[rows], problem.ranges.feed_high[rows])
+        (slow,), (fast,) = RowGroups(groups.feed).intersection(
+            problem.ranges.feed_low[None], problem.ranges.feed_high[None]
+        )
         own = groups.own_speed[first_rows(groups.speed)]
         speeds = speed_ranges(problem, groups, own)
         self.low = np.concatenate([np.minimum(slow, fast), speeds[0]])
@@ -146,11 +145,10 @@ def speed_ranges(problem: Problem, groups: Groups, own: Floats) -> tuple[Floats,
 
     Where there is no whole S to choose from it is kept as in ``own``, shape (H,).
     """
-    rows = np.flatnonzero(groups.speed >= 0)
-    low, high = np.zeros(len(own)), np.full(len(own), np.inf)
-    np.maximum.at(low, groups.speed[rows], problem.ranges.speed_low[rows])
-    np.minimum.at(high, groups.speed[rows], problem.ranges.speed_high[rows])
-    step = problem.speed_step
+    ranges, step = problem.ranges, problem.speed_step
+    (low,), (high,) = RowGroups(groups.speed).intersection(
+        ranges.speed_low[None], ranges.speed_high[None]
+    )
     low = np.maximum(np.ceil(stepped(low, step, np.ceil)), 1.0)
     below = np.floor(stepped(np.minimum(high, 1e9), step, np.floor))
     high = np.where(np.isfinite(high), below, high)
