@@ -92,13 +92,12 @@ class Rows:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Read:
-    """A program before and after, its document and printed lines."""
+    """A program before and after, and its document."""
 
     before: tuple[str, ...]
     after: tuple[str, ...]
     rows: Rows
     document: dict[str, Any] = field(repr=False)
-    said: str = field(repr=False)
 
     def section(self, comment: str) -> range:
         """Lines from the comment to the next comment or ``M1``, counted from 1."""
@@ -178,7 +177,7 @@ def _once(order: Order, options: tuple[str, ...], edit: tuple[tuple[str, str], .
         before, after = path.read_text(), (project / "o.nc").read_text()
         return Read(
             before=tuple(before.splitlines()), after=tuple(after.splitlines()),
-            rows=_rows(before, after, cut, order), said=done.stdout,
+            rows=_rows(before, after, cut, order),
             document=json.loads((project / "o.json").read_text()),
         )  # fmt: skip
 
