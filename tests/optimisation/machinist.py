@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from pipeline.cutting.tool import ToolTable
+from pipeline.cutting.tool import Tool, ToolTable
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Kind, Moves
 from pipeline.gcode.program import parse_program
@@ -205,10 +205,10 @@ def cut_of(order: Order) -> list[str]:
             str(order.resolution)]  # fmt: skip
 
 
-def tool_table(order: Order) -> ToolTable:
-    """The tools of an order."""
-    values = yaml.safe_load((PROGRAMS / f"{order.name}.yaml").read_text())
-    return structure({"it": values}, "it", ToolTable)
+def tools_of(name: str) -> dict[int, Tool]:
+    """The tools of a program."""
+    values = yaml.safe_load((PROGRAMS / f"{name}.yaml").read_text())
+    return structure({"it": values}, "it", ToolTable).tools
 
 
 def moves_of(text: str) -> Moves:
@@ -223,7 +223,7 @@ def _rows(before: str, after: str, cut: set[int], order: Order) -> Rows:
     feed = np.stack([m.feed[r] for m, r in zip(both, rows, strict=True)])
     turning = np.stack([m.direction[r] != 0 for m, r in zip(both, rows, strict=True)])
     speed = np.stack([m.speed[r] for m, r in zip(both, rows, strict=True)])
-    tools = tool_table(order).tools
+    tools = tools_of(order.name)
     tool = moves.tool[moving]
     teeth = np.array([tools[t].flutes if t in tools else np.nan for t in tool.tolist()])
     diameter = np.array([tools[t].diameter_mm if t in tools else np.nan for t in tool.tolist()])
