@@ -5,15 +5,6 @@ in SI.  Sources: Sim2023 (genetic search); NSGA-II for a front.
 """
 
 __all__ = [
-    "document",
-    "full_twin",
-    "job",
-    "methods",
-    "operations",
-    "optimise",
-    "problem",
-    "proof",
-    "reliability",
-    "settings",
-    "text",
-]
+    "document", "full_twin", "job", "methods", "operations", "optimise", "problem", "proof",
+    "reliability", "settings", "text",
+]  # fmt: skip

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.machine.control.path import where
+from pipeline.optimisation import part_sheet as sheet
 from pipeline.optimisation.comparison import (
     BINDS,
     KEPT,
@@ -21,14 +22,6 @@ from pipeline.optimisation.comparison import (
 )
 from pipeline.optimisation.full_twin import NOTHING, Result
 from pipeline.optimisation.methods.genes import Method
-from pipeline.optimisation.part_sheet import (
-    feed_changes,
-    longest_binding,
-    path_trace,
-    program_lines,
-    setup_sheet,
-    tool_uses,
-)
 from pipeline.optimisation.proof.prove import with_proof_comment
 from pipeline.optimisation.reliability.uncertainty import used_models
 from pipeline.optimisation.text.editable_blocks import reads_feed
@@ -112,11 +105,11 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
             *notes(after.of, basis),
             *("{}: {} ({})".format(*life) for life in life_sources(after.cut, basis.material)),
         ),
-        tools=tool_uses(result, before, after, reasons),
-        changes=feed_changes(result, before, after, reasons, words),
-        lines=program_lines(result, before, after, words),
-        path=path_trace(before.cut, job.cut.stock),
-        setup=setup_sheet(result, after.of, warnings),
+        tools=sheet.tool_uses(result, before, after, reasons),
+        changes=sheet.feed_changes(result, before, after, reasons, words),
+        lines=sheet.program_lines(result, before, after, words),
+        path=sheet.path_trace(before.cut, job.cut.stock),
+        setup=sheet.setup_sheet(result, after.of, warnings),
         unit=words.program_unit(reads_feed(result.moves)),
         residual=None if job.models.residual is None else job.models.residual_name,
         edges=tool_edges(after.cut, after.of.arcs, basis.coefficients),
@@ -331,7 +324,7 @@ def _groups(
             cost_after=figure(float(after.cost[rows].sum())),
             peak_load_before_N=_load(before.peak[rows]),
             peak_load_after_N=_load(after.peak[rows]),
-            binds=longest_binding(reasons.binds, after.time, rows[free[rows]]),
+            binds=sheet.longest_binding(reasons.binds, after.time, rows[free[rows]]),
             kept=reasons.why_both(rows[cuts[rows]]),
         )
         for rows in _runs(result, words)

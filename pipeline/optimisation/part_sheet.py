@@ -23,18 +23,9 @@ from pipeline.optimisation.comparison import (
 )
 from pipeline.optimisation.problem.arrays import feeds_per_minute
 from pipeline.optimisation.text.words import FeedWords
+from pipeline.schema import part_sheet as stored
 from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.limits import BY_TOOL
-from pipeline.schema.part_sheet import (
-    FeedChange,
-    FeedRise,
-    PathTrace,
-    ProgramLine,
-    SetupSheet,
-    SetupTool,
-    ToolUse,
-    WorkOffset,
-)
 from pipeline.schema.program_cut import CutWarning, ToolTotals
 from pipeline.twin.cut.document import AssessedCut
 from pipeline.twin.cut.loads import Cut
@@ -84,14 +75,14 @@ def longest_binding(binds: Rows, seconds: Floats, rows: Rows) -> str | None:
 
 def tool_uses(
     result: "Result", before: Side, after: Side, reasons: RowReasons
-) -> tuple[ToolUse, ...]:
+) -> tuple[stored.ToolUse, ...]:
     """Each tool that cuts in each of its operations, in the order of the program."""
     f_z, uses = _commanded(result, before, after), []
     found = [one for one in tool_ranges(result) if one[3].any()]
     for tool, known, why, mine in sorted(found, key=lambda one: int(np.argmax(one[3]))):
         rows = np.flatnonzero(mine)
         kept, shown = reasons.why_both(rows), mine & _raised(*f_z, mine)
-        uses.append(ToolUse(
+        uses.append(stored.ToolUse(
             tool=tool, name=result.job.cut.tools[tool].name,
             operation=_operation(result, int(rows[0])),
             before=_totals(before, tool, mine, shown),
@@ -145,13 +136,15 @@ def _range_there(
     return span[0], figure(span[1] * thicker) or span[1]
 
 
-def _rise(lines: NDArray[np.int32], before: Floats, after: Floats, rows: Rows) -> FeedRise | None:
+def _rise(
+    lines: NDArray[np.int32], before: Floats, after: Floats, rows: Rows
+) -> stored.FeedRise | None:
     """Place where the feed per tooth rose most, the highest end first; None below rounding."""
     ratio = np.divide(after[rows], before[rows], out=np.ones(len(rows)), where=before[rows] > 0)
     worst = rows[np.lexsort((after[rows], np.round(ratio, 3)))[-1]]
     if not after[worst] > (1 + LEAST_RISE) * before[worst]:
         return None
-    return FeedRise(
+    return stored.FeedRise(
         line=int(lines[worst]), before_mm=figure(float(before[worst])) or 0.0,
         after_mm=figure(float(after[worst])) or 0.0,
     )  # fmt: skip
@@ -165,7 +158,7 @@ def _operation(result: "Result", row: int) -> str:
 
 def feed_changes(
     result: "Result", before: Side, after: Side, reasons: RowReasons, words: FeedWords
-) -> tuple[FeedChange, ...]:
+) -> tuple[stored.FeedChange, ...]:
     """Runs of moves at feed whose F or S changed, in the order of the program."""
     moves, f_z = result.moves, _commanded(result, before, after)
     feeds = words.written(before.feed), words.written(after.feed)
@@ -180,7 +173,7 @@ def feed_changes(
         if before.feed[row] == after.feed[row] and before.speed[row] == after.speed[row]:
             continue
         cutting = run[result.problem.cuts[run]]
-        changes.append(FeedChange(
+        changes.append(stored.FeedChange(
             first_line=int(moves.line[run].min()), last_line=int(moves.line[run].max()),
             tool=int(moves.tool[row]), operation=_operation(result, int(row)),
             feed_unit=words.unit(row),
@@ -210,7 +203,7 @@ def _commanded(result: "Result", before: Side, after: Side) -> tuple[Floats, Flo
 
 def program_lines(
     result: "Result", before: Side, after: Side, words: FeedWords
-) -> tuple[ProgramLine, ...]:
+) -> tuple[stored.ProgramLine, ...]:
     """Lines whose words changed, with ``CONTEXT`` lines on either side, in order."""
     pairs = list(_matched(_lines(result.job.program.data), _lines(result.answer.text)))
     differ = np.array([then != now for then, now in pairs], dtype=np.bool_)
@@ -220,7 +213,7 @@ def program_lines(
     for index in np.flatnonzero(around).tolist():
         then, now = pairs[index]
         feed, speed = feeds.get(index + 1, (None, None)), speeds.get(index + 1, (None, None))
-        lines.append(ProgramLine(
+        lines.append(stored.ProgramLine(
             line=index + 1, before=then, after=now if then != now else None,
             feed_before=feed[0], feed_after=feed[1], speed_before=speed[0], speed_after=speed[1],
         ))  # fmt: skip
@@ -266,7 +259,7 @@ def _greatest(lines: NDArray[np.int32], before: Floats, after: Floats, rows: Boo
     }
 
 
-def path_trace(cut: Cut, stock: Stock) -> PathTrace | None:
+def path_trace(cut: Cut, stock: Stock) -> stored.PathTrace | None:
     """The path at feed in the blank's coordinates; None where nothing moves at feed."""
     pieces = cut.path.pieces
     fed = np.flatnonzero(pieces.feed & (pieces.length > 0))
@@ -291,7 +284,7 @@ def path_trace(cut: Cut, stock: Stock) -> PathTrace | None:
     column = np.clip(np.ceil(way * scale - 1e-6).astype(int) - 1, 0, COLUMNS - 1)
     low, high = _blank(stock, cut.blank)
     x, y, z = (tuple(np.round(point[kept, axis], 3).tolist()) for axis in range(3))
-    return PathTrace(
+    return stored.PathTrace(
         frame=cut.path.frame.name, x_mm=x, y_mm=y, z_mm=z,
         starts=tuple(np.flatnonzero(starts[kept]).tolist()),
         column=tuple(column[kept].tolist()),
@@ -335,7 +328,7 @@ def _blank(stock: Stock, found: HeightMap) -> tuple[Corner, Corner]:
 
 def setup_sheet(
     result: "Result", after: AssessedCut, warnings: tuple[CutWarning, ...]
-) -> SetupSheet:
+) -> stored.SetupSheet:
     """Tools and offsets of the optimised program, with its warnings."""
     cut, job = result.answer.cut, result.job
     moves, totals = cut.plan.path.moves, {one.tool: one for one in by_tool(after.results)}
@@ -343,7 +336,7 @@ def setup_sheet(
     for number in dict.fromkeys(moves.tool[moves.tool >= 0].tolist()):
         tool, used = job.cut.tools.get(number), totals.get(number)
         register = job.setup.tools.get(number)
-        tools.append(SetupTool(
+        tools.append(stored.SetupTool(
             tool=number, name=tool.name if tool else "", kind=tool.kind if tool else "",
             diameter_mm=tool.diameter_mm if tool else None,
             stickout_mm=tool.stickout_mm if tool else None, flutes=tool.flutes if tool else None,
@@ -354,13 +347,13 @@ def setup_sheet(
             life_share_low=used.tool_life_share_low if used else None,
             life_share_high=used.tool_life_share_high if used else None,
         ))  # fmt: skip
-    return SetupSheet(
+    return stored.SetupSheet(
         tools=tuple(tools), offsets=tuple(_offsets(result)), blank_offset=cut.path.frame.name,
         warnings=warnings,
     )  # fmt: skip
 
 
-def _offsets(result: "Result") -> Iterator[WorkOffset]:
+def _offsets(result: "Result") -> Iterator[stored.WorkOffset]:
     """Work offsets in force in moves at feed, in the order of the program."""
     moves, known = result.moves, result.job.setup.work_offsets
     fed = np.flatnonzero(np.isin(moves.kind, CUTTING))
@@ -370,4 +363,4 @@ def _offsets(result: "Result") -> Iterator[WorkOffset]:
     for name, row in named.items():
         x, y, z = work_frame(moves, row, known, name).base.tolist()
         given = name in known or any((x, y, z))
-        yield WorkOffset(name=name, position_mm=(x, y, z) if given else None)
+        yield stored.WorkOffset(name=name, position_mm=(x, y, z) if given else None)

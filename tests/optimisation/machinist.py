@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from pipeline.cutting.tool import ToolTable
+from pipeline.cutting.tool import Tool, ToolTable
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Kind, Moves
 from pipeline.gcode.program import parse_program
@@ -92,13 +92,12 @@ class Rows:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Read:
-    """A program before and after, its document and printed lines."""
+    """A program before and after, and its document."""
 
     before: tuple[str, ...]
     after: tuple[str, ...]
     rows: Rows
     document: dict[str, Any] = field(repr=False)
-    said: str = field(repr=False)
 
     def section(self, comment: str) -> range:
         """Lines from the comment to the next comment or ``M1``, counted from 1."""
@@ -178,7 +177,7 @@ def _once(order: Order, options: tuple[str, ...], edit: tuple[tuple[str, str], .
         before, after = path.read_text(), (project / "o.nc").read_text()
         return Read(
             before=tuple(before.splitlines()), after=tuple(after.splitlines()),
-            rows=_rows(before, after, cut, order), said=done.stdout,
+            rows=_rows(before, after, cut, order),
             document=json.loads((project / "o.json").read_text()),
         )  # fmt: skip
 
@@ -189,7 +188,7 @@ def new_project(folder: Path, order: Order) -> Path:
     config = folder / "conf/config.yaml"
     config.write_text(config.read_text().replace("budget: default", "budget: quick"))
     search = folder / "conf/optimisation/default.yaml"
-    search.write_text(search.read_text().replace("draws: 1024", "draws: 256"))
+    search.write_text(search.read_text().replace("draws: 1024", "draws: 64"))
     for path in () if order.dynamics else (folder / "conf/machine").glob("mill*.yaml"):
         # usual values of 40-taper spindles, by which each slot in steel would chatter
         text = re.sub(r"^dynamics:.*\n(?:  .*\n)+", "", path.read_text(), flags=re.MULTILINE)
@@ -206,10 +205,10 @@ def cut_of(order: Order) -> list[str]:
             str(order.resolution)]  # fmt: skip
 
 
-def tool_table(order: Order) -> ToolTable:
-    """The tools of an order."""
-    values = yaml.safe_load((PROGRAMS / f"{order.name}.yaml").read_text())
-    return structure({"it": values}, "it", ToolTable)
+def tools_of(name: str) -> dict[int, Tool]:
+    """The tools of a program."""
+    values = yaml.safe_load((PROGRAMS / f"{name}.yaml").read_text())
+    return structure({"it": values}, "it", ToolTable).tools
 
 
 def moves_of(text: str) -> Moves:
@@ -224,7 +223,7 @@ def _rows(before: str, after: str, cut: set[int], order: Order) -> Rows:
     feed = np.stack([m.feed[r] for m, r in zip(both, rows, strict=True)])
     turning = np.stack([m.direction[r] != 0 for m, r in zip(both, rows, strict=True)])
     speed = np.stack([m.speed[r] for m, r in zip(both, rows, strict=True)])
-    tools = tool_table(order).tools
+    tools = tools_of(order.name)
     tool = moves.tool[moving]
     teeth = np.array([tools[t].flutes if t in tools else np.nan for t in tool.tolist()])
     diameter = np.array([tools[t].diameter_mm if t in tools else np.nan for t in tool.tolist()])

@@ -3,6 +3,7 @@
 And random answers of an optimiser for them: any feeds of blocks, any stretches of S.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -54,34 +55,6 @@ def _s(rng: np.random.Generator) -> str:
     return f" S{rng.integers(500, 9000)}" if rng.random() < 0.15 else ""
 
 
-def _feed(rng):
-    return [f"G1 X{_x(rng)} Y{_x(rng)}{_f(rng)}{_s(rng)}"]
-
-
-def _more(rng):
-    return [f"X{_x(rng)}{_f(rng)}", f"Y{_x(rng)}"]
-
-
-def _rapid(rng):
-    return [f"G0 X{_x(rng)} Z5{_f(rng)}{_s(rng)}", f"G1 Z-1{_f(rng)}"]
-
-
-def _loose(rng):
-    return [f"F{rng.integers(50, 900)}"]
-
-
-def _circle(rng):
-    return [f"G2 I{rng.uniform(1, 9):.3f}{_f(rng)}", f"G1 X{_x(rng)}"]
-
-
-def _repeated(rng):
-    return [f"G91 G1 X0{_f(rng)}{_s(rng)}", "G90"]
-
-
-def _comment(rng):
-    return [f"G1 X{_x(rng)}{_f(rng)} (F1 S1 G4)", "(G1 X5 F7)"]
-
-
 def _drill(rng):
     lines = [f"G98 G83 X{_x(rng)} Y0 Z-9 R1 Q3{_f(rng)}", f"X{_x(rng)}{_f(rng)}", f"Y{_x(rng)}"]
     return [*lines, "G80 G1"]
@@ -93,37 +66,9 @@ def _tap(rng):
     return [*rigid, f"G84 X{_x(rng)} Y0 Z-9 R1{given}", f"X{_x(rng)}", "G80 G1"]
 
 
-def _thread(rng):
-    return [f"G33 Z{_x(rng)}{' F2.5' if rng.random() < 0.7 else ''}", "G1 X0"]
-
-
-def _per_turn(rng):
-    return [f"G95 G1 X{_x(rng)} F0.{rng.integers(1, 9)}", f"Y{_x(rng)}", f"G94 X0 F{200}", "X1"]
-
-
-def _inverse(rng):
-    return [f"G93 G1 X{_x(rng)} F{rng.integers(1, 9)}", "X0 F2", f"G94 X1 F{rng.integers(9, 999)}"]
-
-
-def _stop(rng):
-    return [*(["S2500"] if rng.random() < 0.5 else []), "M5", "G4 P500", "M3", "G1 X2"]
-
-
-def _surface(rng):
-    return ["G96 S120", f"G1 X{_x(rng)}{_f(rng)}", f"G97 S{rng.integers(500, 5000)}"]
-
-
 def _loop(rng):
-    step = [f"X#1{_f(rng)}", *_feed(rng), "#1=#1+1"]
+    step = [f"X#1{_f(rng)}", *_PLAIN[0](rng), "#1=#1+1"]
     return ["#1=0", "WHILE[#1LT3]DO1", "G1", *step, *(["F333"] * (rng.random() < 0.3)), "END1"]
-
-
-def _call(rng):
-    return [f"M98 P100 L{rng.integers(1, 4)}", f"G1 X{_x(rng)}{_f(rng)}"]
-
-
-def _expression(rng):
-    return ["#2=123.4567891", "G1 X5 F#2", f"X{_x(rng)}", f"Y{_x(rng)}"]
 
 
 def _jump(rng):
@@ -131,13 +76,45 @@ def _jump(rng):
     return [f"IF[1EQ{rng.integers(2)}]GOTO{number}", f"F{rng.integers(50, 900)}", f"N{number} X4"]
 
 
-def _skipped(rng):
-    return [f"/G1 X{_x(rng)} F77", "Y3"]
-
-
-_PLAIN = (_feed, _more, _rapid, _loose, _circle, _repeated, _comment, _drill)
-_STRAIGHT = (*_PLAIN, _tap, _thread, _per_turn, _inverse, _stop, _surface, _expression)
-_PARTS = (*_STRAIGHT, *_PLAIN, _loop, _call, _jump, _skipped)
+Part = Callable[[np.random.Generator], list[str]]
+"""Lines of a program, by chance."""
+_PLAIN: tuple[Part, ...] = (
+    lambda rng: [f"G1 X{_x(rng)} Y{_x(rng)}{_f(rng)}{_s(rng)}"],
+    lambda rng: [f"X{_x(rng)}{_f(rng)}", f"Y{_x(rng)}"],
+    lambda rng: [f"G0 X{_x(rng)} Z5{_f(rng)}{_s(rng)}", f"G1 Z-1{_f(rng)}"],
+    lambda rng: [f"F{rng.integers(50, 900)}"],
+    lambda rng: [f"G2 I{rng.uniform(1, 9):.3f}{_f(rng)}", f"G1 X{_x(rng)}"],
+    lambda rng: [f"G91 G1 X0{_f(rng)}{_s(rng)}", "G90"],
+    lambda rng: [f"G1 X{_x(rng)}{_f(rng)} (F1 S1 G4)", "(G1 X5 F7)"],
+    _drill,
+)
+_STRAIGHT: tuple[Part, ...] = (
+    *_PLAIN,
+    _tap,
+    lambda rng: [f"G33 Z{_x(rng)}{' F2.5' if rng.random() < 0.7 else ''}", "G1 X0"],
+    lambda rng: [
+        f"G95 G1 X{_x(rng)} F0.{rng.integers(1, 9)}",
+        f"Y{_x(rng)}",
+        f"G94 X0 F{200}",
+        "X1",
+    ],
+    lambda rng: [
+        f"G93 G1 X{_x(rng)} F{rng.integers(1, 9)}",
+        "X0 F2",
+        f"G94 X1 F{rng.integers(9, 999)}",
+    ],
+    lambda rng: [*(["S2500"] if rng.random() < 0.5 else []), "M5", "G4 P500", "M3", "G1 X2"],
+    lambda rng: ["G96 S120", f"G1 X{_x(rng)}{_f(rng)}", f"G97 S{rng.integers(500, 5000)}"],
+    lambda rng: ["#2=123.4567891", "G1 X5 F#2", f"X{_x(rng)}", f"Y{_x(rng)}"],
+)
+_PARTS: tuple[Part, ...] = (
+    *_STRAIGHT,
+    *_PLAIN,
+    _loop,
+    lambda rng: [f"M98 P100 L{rng.integers(1, 4)}", f"G1 X{_x(rng)}{_f(rng)}"],
+    _jump,
+    lambda rng: [f"/G1 X{_x(rng)} F77", "Y3"],
+)
 
 
 def any_answer(

@@ -6,7 +6,7 @@ machine is one of the shop floor, which knows more of cutting than the twin (siz
 wear, runout, sharpness, axes that lag); what the twin knows of it comes from its dynamometer alone.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -230,11 +230,6 @@ def paper_job(
         catalogue=None,  # type: ignore[arg-type]  # limits of the part alone
     )  # fmt: skip
     return job_of(request, workshop)
-
-
-def trial_of(limit: float) -> TrialJob:
-    """The trial with another limit [N]."""
-    return replace(TRIAL, limit_load_N=limit)
 
 
 def _table() -> ToolTable:

@@ -159,7 +159,7 @@ def test_speeds_of_one_tool_stay_or_change_by_the_least_change():
     st.floats(60, 200), st.floats(1.5, 100), st.floats(1.1, 10), st.floats(0, 4000),
     st.booleans(), st.booleans(), st.booleans(),
 )  # fmt: skip
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 def test_whatever_the_limits_the_words_of_the_answer_keep_them(
     depths, objective, load, feed_ratio, speed_ratio, change, waits, growing, weak
 ):

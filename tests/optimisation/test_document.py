@@ -21,7 +21,7 @@ from pipeline.optimisation.optimise import ANSWER, DIRECT, optimise
 from pipeline.optimisation.part_sheet import path_trace
 from pipeline.optimisation.problem.arrays import Decision
 from pipeline.optimisation.proof.prove import prove
-from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySettings, SearchSettings
+from pipeline.optimisation.settings import OptimisationSettings, SearchSettings
 from pipeline.report.optimised.changes import feeds_table, loads_table
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import OptimisedPart, part_values
@@ -29,13 +29,10 @@ from pipeline.schema.store import structured
 from pipeline.twin.cut.document import assessed
 from pipeline.twin.cut.tables import block_rows
 from tests.optimisation.paper_part import PROGRAM, STOCK, paper_job
+from tests.optimisation.several_tools import QUICK as SMALL
 from tests.optimisation.several_tools import document as part_of
 
-QUICK = OptimisationSettings(
-    certainty=ReliabilitySettings(draws=64),
-    search=SearchSettings(population=8, generations=3, baseline=50, paper_generations=2, front=8),
-    proof_comment=True,
-)
+QUICK = replace(SMALL, proof_comment=True)
 
 
 @pytest.fixture(scope="module")

@@ -197,7 +197,7 @@ def test_a_repeated_point_after_any_block_costs_nothing(part, how, without):
     st.sampled_from(sorted(PARTS)),
     st.lists(st.tuples(st.integers(0, 7), st.sampled_from(STILL)), min_size=1, max_size=6),
 )
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 def test_repeated_points_anywhere_change_no_optimum_and_get_no_word(part, repeats):
     blocks, tool = PARTS[part]
     plain, doubled = (problem(text(blocks, some), LIMITS, tool=tool) for some in ((), repeats))

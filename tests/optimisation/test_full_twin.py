@@ -17,11 +17,11 @@ from pipeline.optimisation.full_twin import (
     verify,
 )
 from pipeline.optimisation.optimise import optimise
-from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySettings, SearchSettings
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import OptimisedPart, part_values
 from pipeline.schema.store import structured
 from tests.optimisation.paper_part import LIMITS, MACHINE, TRIAL, paper_job
+from tests.optimisation.several_tools import QUICK
 from tests.optimisation.several_tools import document as part_of
 from tests.shop.recorded_cut import record_axes
 from tests.twin.cut_parts import DEPTH, K_E, K_T, SLOT, TEN, cut_of, pocket
@@ -137,10 +137,6 @@ def test_a_cut_of_air_has_no_peak():
     assert (found.ratio == 1.0).all() and not found.computed.any()
 
 
-QUICK = OptimisationSettings(
-    search=SearchSettings(population=6, generations=2, baseline=20, paper_generations=1, front=6),
-    certainty=ReliabilitySettings(draws=32),
-)
 DRIVES = {"X": drive(), "Y": drive()}
 
 

@@ -39,7 +39,7 @@ def random_genes(shares: BoundedGenes, many: int, seed: int) -> np.ndarray:
     for seed in range(4)
 ])  # fmt: skip
 @given(chance=st.integers(0, 999))
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 def test_whatever_the_genes_the_limits_are_kept(limits: str, seed: int, chance: int) -> None:
     problem, start, shares = shares_of(limits, seed)
     feeds, speeds = shares.decoded(random_genes(shares, 8, chance))
@@ -61,7 +61,7 @@ def test_a_decision_comes_back_from_its_genes(limits: str) -> None:
 
 
 @given(chance=st.integers(0, 999))
-@settings(deadline=None)
+@settings(max_examples=30)
 def test_genes_come_back_from_their_decision(chance: int) -> None:
     _, _, shares = shares_of("paper", 1)
     genes = random_genes(shares, 5, chance)

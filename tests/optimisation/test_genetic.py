@@ -57,7 +57,7 @@ def somewhere(seed: int, chance: int) -> Decision:
     seed=st.integers(0, 2), objective=st.sampled_from(OBJECTIVES), chance=st.integers(0, 99),
     from_direct=st.booleans(),
 )  # fmt: skip
-@settings(deadline=None, max_examples=12)
+@settings(max_examples=12)
 def test_it_is_never_worse_than_its_start(
     seed: int, objective: Objective, chance: int, from_direct: bool
 ) -> None:
@@ -196,14 +196,15 @@ def test_what_is_told_is_what_the_decision_comes_to() -> None:
         assert (method.decision.speeds == np.round(method.decision.speeds)).all()
 
 
-def test_feeds_of_a_turn_keep_ranges_of_a_minute() -> None:
+def test_feeds_of_a_turn_keep_ranges_of_a_minute_and_speeds_theirs() -> None:
     limits = CutLimit(load_N=200.0, feed_mm_min=(100.0, 900.0), speed_rpm=(2000.0, 8000.0))
     part = problem_on(cut_on(PER_TURN), limits)
     groups = blockwise_optimum(part, "time", Grouping()).groups
     for method in baselines(part, groups, "time", SearchSettings(baseline=500))[1:]:
-        rows = part.cuts
-        per_minute = (method.decision.row_feeds * method.decision.row_speeds)[rows]
+        speeds = method.decision.row_speeds[part.cuts]
+        per_minute = method.decision.row_feeds[part.cuts] * speeds
         assert (per_minute >= 100 * (1 - 1e-9)).all() and (per_minute <= 900 * (1 + 1e-9)).all()
+        assert (speeds >= 2000).all() and (speeds <= 8000).all()
 
 
 def test_none_leaves_the_many_out_and_a_callback_ends_them() -> None:
@@ -264,7 +265,7 @@ def test_the_knee_is_that_of_its_members(seed: int) -> None:
     assert front.knee == among[knee(front.objectives[among])]
 
 
-@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("seed", [2, pytest.param(3, marks=pytest.mark.proof)])
 def test_the_knee_is_no_worse_than_the_program_though_that_of_all_members_is(seed: int) -> None:
     """A wide range of wear makes a slow and expensive member look like a small loss."""
     front = front_of(seed)
@@ -302,7 +303,7 @@ def test_a_start_is_the_same_in_the_groups_of_the_front(seed: int) -> None:
 
 def test_a_front_of_one_seed_is_the_same_bytes() -> None:
     def run(seed: int) -> bytes:
-        some = replace(FRONT, seed=seed)
+        some = replace(FRONT, seed=seed, generations=3)
         return pareto(front_problem(1), starts(1), OBJECTIVES, some).objectives.tobytes()
 
     assert run(3) == run(3) != run(4)

@@ -83,8 +83,8 @@ def test_chords_of_the_table_lie_above_and_feeds_below():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@settings(deadline=None)
 @given(share=st.floats(0.05, 2.5))
+@settings(max_examples=25)
 def test_the_inverse_is_the_first_feed_at_which_the_table_passes_the_limit(cuts, kind, share):
     cut = cuts[kind]
     rows = cut_blocks(cut).row
@@ -183,7 +183,6 @@ def test_a_share_of_the_drives_power_and_its_margins():
 
 
 @pytest.mark.parametrize("tool", [TEN, replace(TEN, kind="bull_nose", corner_radius_mm=1.0)])
-@settings(deadline=None)
 @given(height_um=st.floats(0.01, 5.0))
 def test_feed_marks_are_as_high_as_circles_leave_them(tool, height_um):
     """Circles a feed f apart meet rho - sqrt(rho^2 - f^2 / 4) above their lowest points."""

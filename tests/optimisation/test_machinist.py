@@ -18,7 +18,7 @@ from tests.optimisation.machinist import (
     Order,
     moves_of,
     optimised,
-    tool_table,
+    tools_of,
 )
 
 ORDERS = pytest.mark.parametrize("order", [BRACKET, ALUMINIUM], ids=lambda one: one.name)
@@ -34,14 +34,14 @@ FINISHING = [(BRACKET, "FINISH FLOOR"), (BRACKET, "FINISH WALLS"), (BRACKET, "FI
 
 def test_the_tables_leave_the_ranges_to_the_defaults() -> None:
     for order in (BRACKET, ALUMINIUM):
-        for tool in tool_table(order).tools.values():
+        for tool in tools_of(order.name).values():
             assert tool.feed_per_tooth_mm is None and tool.cutting_speed_m_min is None
 
 
 @ORDERS
 def test_the_program_is_followed(order: Order) -> None:
     text = (PROGRAMS / f"{order.name}.nc").read_text()
-    assert set(np.unique(moves_of(text).tool).tolist()) >= set(tool_table(order).tools)
+    assert set(np.unique(moves_of(text).tool).tolist()) >= set(tools_of(order.name))
 
 
 @pytest.mark.skipif(not RS274.exists(), reason=f"{RS274} is not installed")
@@ -50,7 +50,7 @@ def test_linuxcnc_follows_it_alike(order: Order, tmp_path) -> None:
     """Without the O number and the M29 of a Fanuc, which it does not know."""
     text = (PROGRAMS / f"{order.name}.nc").read_text()
     text = re.sub(r"^(O\d+|M29 .*)", "", text, flags=re.MULTILINE)
-    lengths = {number: (0.0, tool.diameter_mm) for number, tool in tool_table(order).tools.items()}
+    lengths = {number: (0.0, tool.diameter_mm) for number, tool in tools_of(order.name).items()}
     answer = Oracle(tmp_path, lengths).ask_text(text)
     assert answer.error == "" and len(answer.ends) > 100
     tools = {number: Tool(length=z, diameter=d) for number, (z, d) in lengths.items()}
@@ -98,7 +98,7 @@ def test_nothing_is_faster_in_air_at_feed(order: Order) -> None:
 ])  # fmt: skip
 def test_taps_reamers_and_thread_mills_are_left_alone(order: Order, tool: int, name: str) -> None:
     read = optimised(order)
-    assert tool_table(order).tools[tool].name.startswith(name)
+    assert tools_of(order.name)[tool].name.startswith(name)
     lines = read.of_tool(tool)
     assert [read.after[k - 1] for k in lines] == [read.before[k - 1] for k in lines]
 

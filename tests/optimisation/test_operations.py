@@ -5,12 +5,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-import yaml
 
 from pipeline.app.tables import read_catalogue, read_material
 from pipeline.cutting.catalogue import OPERATIONS, listed_range
 from pipeline.cutting.engagement.stock import Box
 from pipeline.cutting.tool import Tool, ToolTable
+from pipeline.cutting.tool import Tool
+from pipeline.cutting.tool_range import listed_range
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import parse_program
@@ -20,13 +21,12 @@ from pipeline.optimisation.operation_signs import drills_on_one_side
 from pipeline.optimisation.operations import Operations, operations, operations_without_cut
 from pipeline.optimisation.practice import practice_of
 from pipeline.optimisation.problem.arrays import Practice
-from pipeline.parameters import structure
 from pipeline.schema.limits import CutLimit, MachiningPractice
 from pipeline.twin.control import planned_program
 from pipeline.twin.cut.blocks import cut_blocks
 from pipeline.twin.cut.loads import Cut, CutJob, cut_program
 from tests.gcode.following import follow
-from tests.optimisation.machinist import PROGRAMS
+from tests.optimisation.machinist import PROGRAMS, tools_of
 from tests.twin.cut_parts import CONTROL, LAW, cut_of
 
 FLAT = Tool(kind="flat", diameter_mm=10.0, flutes=4)
@@ -38,12 +38,6 @@ STOCKS = {
     "housing": Box(x_mm=(0, 160), y_mm=(0, 120), z_mm=(-40, 2)),
 }
 BLOCK = Box(x_mm=(0, 60), y_mm=(0, 50), z_mm=(-10, 0))
-
-
-def tools_of(name: str) -> dict[int, Tool]:
-    """Tools of a program."""
-    values = yaml.safe_load((PROGRAMS / f"{name}.yaml").read_text())
-    return structure({"it": values}, "it", ToolTable).tools
 
 
 def of_lines(

@@ -13,7 +13,7 @@ import pytest
 from pipeline.gcode.interpret import interpret
 from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.optimise import optimise
-from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySettings, SearchSettings
+from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySettings
 from pipeline.schema.part import Objective
 from pipeline.shop.cutting.dynamometer import write_dynamometer
 from pipeline.shop.cutting.records import dynamometer_truth
@@ -32,6 +32,7 @@ from tests.optimisation.paper_part import (
     paper_job,
     paper_knowledge,
 )
+from tests.optimisation.several_tools import QUICK
 
 K_T, K_E = 1.23e9, 0.5
 
@@ -117,9 +118,7 @@ def _cut(result: Result):
 
 def test_a_short_search_is_faster_and_inside_the_limit_where_it_is_cut():
     """With coefficients that others measured, which err by 10 %, and a search of a moment."""
-    search = SearchSettings(population=8, generations=3, baseline=50, paper_generations=2, front=8)
-    settings = OptimisationSettings(certainty=ReliabilitySettings(draws=64), search=search)
-    result = optimise(paper_job("time", None, settings))
+    result = optimise(paper_job("time", None, QUICK))
     cut = trials(PROGRAM.encode(), result.answer.text, TRIAL, MACHINE, range(3))
     assert cut["after"]["above"] == 0
     assert cut["after"]["time_s"]["mean"] < cut["before"]["time_s"]["mean"]

@@ -7,11 +7,9 @@ from typing import Any
 import pytest
 import yaml
 
-from pipeline.cutting.catalogue import CuttingCatalogue
+from pipeline.app.tables import read_catalogue, read_material, read_tools
 from pipeline.cutting.economics.cost import CostRates
-from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive
-from pipeline.cutting.tool import ToolTable
 from pipeline.gcode.setup import Setup
 from pipeline.optimisation.document import part_metrics, write_program
 from pipeline.optimisation.job import (
@@ -44,19 +42,13 @@ DRIVE = SpindleDrive(
 )
 
 
-def workshop(
-    table: str = "tool/mill01", material: str = "material/A6061", **drive: Any
-) -> Workshop:
-    """A tool table and a material of conf/, with prices and cutting data."""
-
-    def of(path: str, wanted: type) -> Any:
-        values = yaml.safe_load((ROOT / f"conf/{path}.yaml").read_text())
-        return structure({"a": values}, "a", wanted)
-
+def workshop() -> Workshop:
+    """Tools and a material of conf/, with prices and cutting data."""
+    rates = yaml.safe_load((ROOT / "conf/cost/default.yaml").read_text())
     return Workshop(
-        table=of(table, ToolTable), material=of(material, Material),
-        rates=of("cost/default", CostRates), catalogue=of("catalogue/default", CuttingCatalogue),
-        drive_source="", energy=None, dynamics=None, **{"drive": DRIVE, **drive},
+        table=read_tools("mill01"), material=read_material("A6061"), catalogue=read_catalogue(),
+        rates=structure({"a": rates}, "a", CostRates), drive=DRIVE, drive_source="", energy=None,
+        dynamics=None,
     )  # fmt: skip
 
 

@@ -84,7 +84,7 @@ def kept(cut, feeds, speeds):
     return max(float(ratio.max()) for ratio in ratios)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.floats(0.2, 2.0))
 def test_there_is_no_violation_just_inside_all_limits(problem, seed, wide):
     cut, rng = problem.cut, np.random.default_rng(seed)
@@ -383,23 +383,23 @@ def planned(request):
     return cut_on(text, control=control)
 
 
-def stretches(planned, seed: int, many: int):
+def stretches(cut, seed: int, many: int):
     """F of rows as chance has it; S as the program changes it, by other amounts."""
-    moves, rng = planned.plan.path.moves, np.random.default_rng(seed)
+    moves, rng = cut.plan.path.moves, np.random.default_rng(seed)
     feeds = moves.feed * rng.uniform(0.3, 3.0, (many, len(moves)))
     of_row = np.cumsum(np.diff(moves.speed, prepend=0.0) != 0)
     speeds = moves.speed * rng.uniform(0.7, 1.4, (many, of_row.max() + 1))[:, of_row]
     return feeds, speeds
 
 
-def told(planned, basis):
-    """The four objectives of a planned's own plan, as its document sums them, unrounded."""
-    arcs = station_arcs(planned.engagement, planned.tools)
-    blocks = cut_blocks(planned, arcs)
-    life = tool_life(planned, blocks, arcs, basis.material)
-    used = electricity(planned, blocks, basis.energy, basis.drive)
-    cost = cost_of(planned, basis.rates, life.wear, used)
-    return planned.plan.total, cost.total, used.total, life.wear.sum()
+def own_objectives(cut, basis):
+    """The four objectives of a cut's own plan, as its document sums them, unrounded."""
+    arcs = station_arcs(cut.engagement, cut.tools)
+    blocks = cut_blocks(cut, arcs)
+    life = tool_life(cut, blocks, arcs, basis.material)
+    used = electricity(cut, blocks, basis.energy, basis.drive)
+    cost = cost_of(cut, basis.rates, life.wear, used)
+    return cut.plan.total, cost.total, used.total, life.wear.sum()
 
 
 def test_a_population_costs_what_its_plans_cost(planned):
@@ -408,7 +408,7 @@ def test_a_population_costs_what_its_plans_cost(planned):
     found = problem.evaluate_rows(feeds, speeds).objectives
     for objectives, feed, speed in zip(found, feeds, speeds, strict=True):
         other = replace(planned, plan=plan(planned.plan.path, feeds=feed, speeds=speed))
-        np.testing.assert_allclose(objectives, told(other, basis), rtol=1e-9)
+        np.testing.assert_allclose(objectives, own_objectives(other, basis), rtol=1e-9)
 
 
 def test_the_program_itself_costs_what_its_document_says(planned):
@@ -421,12 +421,12 @@ def test_the_program_itself_costs_what_its_document_says(planned):
 
 
 def test_what_is_not_known_is_no_number():
-    planned = cut_on(SLOT)
-    feeds, speeds = (one[np.newaxis] for one in own(problem_on(planned)))
-    known = problem_on(planned).evaluate_rows(feeds, speeds).objectives[0]
+    cut = cut_on(SLOT)
+    feeds, speeds = (one[np.newaxis] for one in own(problem_on(cut)))
+    known = problem_on(cut).evaluate_rows(feeds, speeds).objectives[0]
 
     def found(**basis):
-        return problem_on(planned, **basis).evaluate_rows(feeds, speeds).objectives[0]
+        return problem_on(cut, **basis).evaluate_rows(feeds, speeds).objectives[0]
 
     no_drive = found(drive=None)
     assert np.isnan(no_drive[2]) and np.isfinite(no_drive[[0, 1, 3]]).all()
@@ -442,9 +442,9 @@ def test_rows_alone_add_up_to_the_program_where_axes_need_no_time_to_speed_up():
         rapid_speed=20000, cutting_speed=10000, rapid_acceleration=1e12, cutting_acceleration=1e12,
         arc_acceleration=1e12, corner_jump=1e6,
     )  # fmt: skip
-    planned = cut_on(TWO_TOOLS, control=ControlParameters(axes=dict.fromkeys("XYZ", axis)))
-    problem = problem_on(planned)
-    feeds, speeds = stretches(planned, 2, 3)
+    cut = cut_on(TWO_TOOLS, control=ControlParameters(axes=dict.fromkeys("XYZ", axis)))
+    problem = problem_on(cut)
+    feeds, speeds = stretches(cut, 2, 3)
     rows = BlockModel.alone(problem, "time").demands(feeds, speeds)
     assert rows.shape == (4, 3, len(problem))
     # the dwell counts seconds, and the spindle takes none: what stands still is the same for all
@@ -453,17 +453,17 @@ def test_rows_alone_add_up_to_the_program_where_axes_need_no_time_to_speed_up():
 
 
 def test_rows_alone_are_never_slower_than_in_the_program():
-    planned = cut_on(pocket())
-    problem = problem_on(planned)
-    feeds, speeds = stretches(planned, 3, 5)
+    cut = cut_on(pocket())
+    problem = problem_on(cut)
+    feeds, speeds = stretches(cut, 3, 5)
     alone = BlockModel.alone(problem, "time").values(feeds, speeds).sum(axis=1)
     assert (alone < problem.evaluate_rows(feeds, speeds).objectives[:, 0]).all()
 
 
 def test_taylor_between_two_speeds():
     """V T^n = C: in blocks at one feed for each tooth wear goes with V^(1/n - 1)."""
-    planned = cut_on(SLOT)
-    problem = problem_on(planned, material=replace(MATERIAL, taylor={
+    cut = cut_on(SLOT)
+    problem = problem_on(cut, material=replace(MATERIAL, taylor={
         "carbide": replace(MATERIAL.taylor["carbide"], f_z_exponent=0.0, f_z_ref_mm=None)
     }))  # fmt: skip
     feeds, speeds = own(problem)
@@ -477,16 +477,13 @@ def test_many_at_once_are_as_many_alone():
     """Parts of a population are worked on one after the other."""
     from pipeline.optimisation.problem.problem import AT_ONCE
 
-    planned = cut_on(TWO_TOOLS)
-    problem = problem_on(planned, CutLimit(load_N=100.0, margins=NO_MARGINS))
+    cut = cut_on(TWO_TOOLS)
+    problem = problem_on(cut, CutLimit(load_N=100.0, margins=NO_MARGINS))
     many = 2 * AT_ONCE // len(problem) + 7
-    feeds, speeds = stretches(planned, 4, 3)
+    feeds, speeds = stretches(cut, 4, 3)
     index = np.arange(many) % 3
     found = problem.evaluate_rows(feeds[index], speeds[index])
     few = problem.evaluate_rows(feeds, speeds)
     np.testing.assert_array_equal(found.objectives, few.objectives[index])
     np.testing.assert_array_equal(found.violation, few.violation[index])
-    assert problem_on(planned, ROOMY).evaluate_rows(feeds[:0], speeds[:0]).objectives.shape == (
-        0,
-        4,
-    )
+    assert problem_on(cut, ROOMY).evaluate_rows(feeds[:0], speeds[:0]).objectives.shape == (0, 4)

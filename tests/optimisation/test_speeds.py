@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.machine.spindle import run_up_time
@@ -41,6 +41,7 @@ def stages(draw):
 
 
 @given(stages())
+@settings(max_examples=30)
 def test_no_way_is_cheaper(given_stages):
     """Exhaustive search; sums of at most 9 terms below 10 agree to 1e-12."""
     values, change, kind, word = given_stages
@@ -155,6 +156,7 @@ def parts(draw):
 
 
 @given(parts(), st.floats(0, 10))
+@settings(max_examples=30)
 def test_each_word_saved_loses_less_than_it_may(part, gain):
     """Also groups only join what may be joined; 1e-9 is the rounding of the sums."""
     length, low, high, joint = part
@@ -167,6 +169,7 @@ def test_each_word_saved_loses_less_than_it_may(part, gain):
 
 
 @given(parts(), st.floats(0, 10))
+@settings(max_examples=30)
 def test_no_pair_is_left_that_could_be_merged(part, gain):
     """Every two neighbours left would lose more than a word is worth, or do not suit each other."""
     length, low, high, joint = part
@@ -182,6 +185,7 @@ def test_no_pair_is_left_that_could_be_merged(part, gain):
 
 
 @given(parts(), st.floats(0.01, 100))
+@settings(max_examples=30)
 def test_a_group_is_short_only_where_its_neighbours_would_lose_more_than_it_takes(part, least):
     length, low, high, joint = part
     group = merged(time_curves(length, low, high), joint, gain=0.0, least_time=least)

@@ -238,7 +238,7 @@ ROWS = st.dictionaries(st.sampled_from([*NAMES, "runout", "helix"]), parameters(
 
 
 @given(rows=ROWS, correlation=CORRELATIONS, fitted=FITTED)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25)
 def test_a_model_that_says_little_is_drawn_from_all_the_same(rows, correlation, fitted):
     found = cutting_files.model({"": rows}, correlation=correlation, prediction=fitted)
     assert_finite(alone("identified", found, cutting_files.verdict()))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -97,6 +97,7 @@ def test_on_a_logarithmic_scale_each_has_the_share_of_its_half_steps() -> None:
 
 
 @given(data=st.data())
+@settings(max_examples=40)
 def test_whole_numbers_lie_in_the_box_and_lead_back(data: st.DataObject) -> None:
     log = data.draw(st.booleans())
     low = data.draw(st.integers(1 if log else -1000, 1000))

@@ -16,7 +16,7 @@ from tests.search.landscapes import LANDSCAPES, rosenbrock, sphere
     landscape=st.sampled_from(sorted(LANDSCAPES)),
     seed=st.integers(0, 99),
 )
-@settings(deadline=None)
+@settings(max_examples=40)
 def test_it_is_never_worse_than_its_start_and_never_over_its_budget(
     d: int, evaluations: int, step: float, landscape: str, seed: int
 ) -> None:

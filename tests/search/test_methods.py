@@ -27,7 +27,7 @@ BUDGET = {"population": 8, "generations": 20}
     seed=st.integers(0, 99),
     data=st.data(),
 )
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 def test_bounds_counts_and_history_hold(
     name: str, population: int, generations: int, d: int, seed: int, data: st.DataObject
 ) -> None:

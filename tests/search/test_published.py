@@ -157,7 +157,7 @@ def _published(name: str) -> list[str]:
 PAPER = Budget(dimensions=30, population=30, generations=500, seeds=30)
 TUNING = Budget(dimensions=5, population=8, generations=20, seeds=10)
 """Evaluations of the published tuning of a network, 8 x 20."""
-QUICK = Budget(dimensions=30, population=30, generations=500, seeds=3)
+QUICK = Budget(dimensions=30, population=30, generations=500, seeds=2)
 
 
 def some(*names: str):

@@ -64,7 +64,7 @@ def feed_groups(
     gain = grouping.least_gain * whole
     of_block = merged(curves, joint, gain=gain, least_time=grouping.least_block_s)
     groups = RowGroups(np.where(block >= 0, of_block[block], -1))
-    least, most = groups.greatest(alone.low), -groups.greatest(-alone.high)
+    least, most = groups.intersection(alone.low, alone.high)
     best = groups.first(best_feeds(model, groups, speeds[None], least, most)[0])
     return groups.group, _kept(model, groups, best, (least[0], most[0]), speeds, gain)
 

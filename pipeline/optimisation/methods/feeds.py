@@ -80,7 +80,7 @@ def common_bounds(
     """
     path = problem.cut.plan.path
     spindle_speed = np.where(path.moves.direction == 0, 0.0, speeds)
-    least, most = groups.greatest(low), -groups.greatest(-high)
+    least, most = groups.intersection(low, high)
     useful = groups.greatest(np.broadcast_to(path.cap / _scale(problem, spindle_speed), low.shape))
     wide = least * (1 + ROUNDED) <= most * (1 - SLACK)
     own = groups.common(path.moves.feed)

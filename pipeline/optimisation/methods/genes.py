@@ -6,11 +6,11 @@ at the S of its rows (:mod:`pipeline.optimisation.methods.feeds`); genes of S ar
 
 from dataclasses import dataclass, field, replace
 from math import inf
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.machine.control.path import Motion
 from pipeline.optimisation.methods.feeds import common_bounds, feed_bounds
 from pipeline.optimisation.problem.arrays import Decision, Groups, RowGroups, first_rows
 from pipeline.optimisation.problem.problem import Problem
@@ -87,6 +87,31 @@ class BoundedGenes:
         )  # fmt: skip
 
 
+class WordGenes:
+    """Genes that are F [mm/min] and S [rev/min] themselves, from their ranges alone."""
+
+    def __init__(self, problem: Problem, groups: Groups) -> None:
+        self.groups, self._step = groups, problem.speed_step
+        first = first_rows(groups.feed)
+        self._first = first
+        self._by_turn = problem.cut.plan.path.motion[first] == Motion.PER_TURN
+        (slow,), (fast,) = RowGroups(groups.feed).intersection(
+            problem.ranges.feed_low[None], problem.ranges.feed_high[None]
+        )
+        own = groups.own_speed[first_rows(groups.speed)]
+        speeds = speed_ranges(problem, groups, own)
+        self.low = np.concatenate([np.minimum(slow, fast), speeds[0]])
+        self.high = np.concatenate([fast, speeds[1]])
+
+    def decoded(self, genes: Floats) -> tuple[Floats, Floats]:
+        """F in the units of ``Moves``, shape (P, G), and whole S, shape (P, H)."""
+        many = len(self._first)
+        speeds = np.round(stepped(genes[:, many:], self._step))
+        spindle_speed = self.groups.row_speeds(speeds)[:, self._first]
+        by_turn = np.where(self._by_turn & (spindle_speed > 0), spindle_speed, 1.0)
+        return genes[:, :many] / by_turn, speeds
+
+
 def whole(speeds: Floats, start: Floats, step: float) -> Floats:
     """Whole S, shape (P, H); those next to where the search began as it had them, (H,)."""
     near = np.abs(speeds - start) < max(0.5, 0.5 * step)
@@ -120,11 +145,10 @@ def speed_ranges(problem: Problem, groups: Groups, own: Floats) -> tuple[Floats,
 
     Where there is no whole S to choose from it is kept as in ``own``, shape (H,).
     """
-    rows = np.flatnonzero(groups.speed >= 0)
-    low, high = np.zeros(len(own)), np.full(len(own), np.inf)
-    np.maximum.at(low, groups.speed[rows], problem.ranges.speed_low[rows])
-    np.minimum.at(high, groups.speed[rows], problem.ranges.speed_high[rows])
-    step = problem.speed_step
+    ranges, step = problem.ranges, problem.speed_step
+    (low,), (high,) = RowGroups(groups.speed).intersection(
+        ranges.speed_low[None], ranges.speed_high[None]
+    )
     low = np.maximum(np.ceil(stepped(low, step, np.ceil)), 1.0)
     below = np.floor(stepped(np.minimum(high, 1e9), step, np.floor))
     high = np.where(np.isfinite(high), below, high)
@@ -193,19 +217,6 @@ class Front:
     """Number of evaluations."""
 
 
-class Genes(Protocol):
-    """Genes of a search that stand for F and S."""
-
-    @property
-    def groups(self) -> Groups:
-        """Rows that share an F, and an S."""
-        ...
-
-    def decoded(self, genes: Floats) -> tuple[Floats, Floats]:
-        """F, shape (P, G), and S, shape (P, H), of genes, shape (P, D)."""
-        ...
-
-
 @dataclass(kw_only=True)
 class Fitness:
     """Evaluates individuals, counts them, and keeps the best that was inside all limits.
@@ -218,7 +229,7 @@ class Fitness:
 
     problem: Problem
     """Problem that evaluates them."""
-    genes: Genes
+    genes: BoundedGenes | WordGenes
     """Genes of the individuals."""
     column: int
     """Column of the objective, see :data:`~pipeline.optimisation.settings.OBJECTIVES`."""

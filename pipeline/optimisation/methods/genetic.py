@@ -11,14 +11,13 @@ from itertools import combinations
 
 import numpy as np
 
-from pipeline.machine.control.path import Motion
 from pipeline.optimisation.methods.feeds import column
 from pipeline.optimisation.methods.genes import (
     BoundedGenes,
     Fitness,
     Front,
-    Genes,
     Method,
+    WordGenes,
     method_of,
     speed_ranges,
 )
@@ -26,7 +25,6 @@ from pipeline.optimisation.problem.arrays import Decision, Groups, first_rows
 from pipeline.optimisation.problem.feasible import passed_limit
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import OBJECTIVES, SearchSettings
-from pipeline.optimisation.text.words import stepped
 from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.part import Objective
 from pipeline.search.compass import compass
@@ -178,7 +176,7 @@ def _published(
     Excess counts as a share of each limit, w as the objective of the program as it is; Sim2023
     leaves it open.
     """
-    genes = _Words(problem, groups)
+    genes = WordGenes(problem, groups)
     fitness = Fitness(
         problem=problem, genes=genes, column=which, reference=reference, weight=WEIGHT
     )
@@ -208,7 +206,9 @@ def _best_of_many(
     return _best_of(problem, name, genes, best)
 
 
-def _best_of(problem: Problem, name: str, genes: Genes, best: SearchResult) -> Method:
+def _best_of(
+    problem: Problem, name: str, genes: BoundedGenes | WordGenes, best: SearchResult
+) -> Method:
     feeds, speeds = genes.decoded(best.x[None])
     decision = Decision(groups=genes.groups, feeds=feeds[0], speeds=speeds[0])
     return method_of(problem, name, decision, best.evaluations)
@@ -221,32 +221,6 @@ def _anywhere(problem: Problem, groups: Groups) -> Decision:
     return Decision(
         groups=groups, feeds=feeds, speeds=np.clip(own, *speed_ranges(problem, groups, own))
     )
-
-
-class _Words:
-    """Genes that are F [mm/min] and S [rev/min] themselves, from their ranges alone."""
-
-    def __init__(self, problem: Problem, groups: Groups) -> None:
-        self.groups, self._step = groups, problem.speed_step
-        first = first_rows(groups.feed)
-        self._first = first
-        self._by_turn = problem.cut.plan.path.motion[first] == Motion.PER_TURN
-        slow, fast = np.zeros(len(first)), np.full(len(first), np.inf)
-        rows = np.flatnonzero(groups.feed >= 0)
-        np.maximum.at(slow, groups.feed[rows], problem.ranges.feed_low[rows])
-        np.minimum.at(fast, groups.feed[rows], problem.ranges.feed_high[rows])
-        own = groups.own_speed[first_rows(groups.speed)]
-        speeds = speed_ranges(problem, groups, own)
-        self.low = np.concatenate([np.minimum(slow, fast), speeds[0]])
-        self.high = np.concatenate([fast, speeds[1]])
-
-    def decoded(self, genes: Floats) -> tuple[Floats, Floats]:
-        """F in the units of ``Moves``, shape (P, G), and whole S, shape (P, H)."""
-        many = len(self._first)
-        speeds = np.round(stepped(genes[:, many:], self._step))
-        spindle_speed = self.groups.row_speeds(speeds)[:, self._first]
-        by_turn = np.where(self._by_turn & (spindle_speed > 0), spindle_speed, 1.0)
-        return genes[:, :many] / by_turn, speeds
 
 
 def pareto(

@@ -329,6 +329,10 @@ class RowGroups:
         """Greatest values of the rows of each group, shape (P, U) of (P, M)."""
         return self._reduced(np.maximum, values)
 
+    def intersection(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+        """Interval that all rows of each group have in common, shape (P, U) each of (P, M)."""
+        return self.greatest(low), -self.greatest(-high)
+
     def mean(self, values: Floats) -> Floats:
         """Means over the rows of each group, shape (U,) of (M,)."""
         return self.total(values[None])[0] / np.maximum(self._many, 1)
@@ -339,7 +343,7 @@ class RowGroups:
 
     def common(self, values: Floats) -> Floats:
         """Value that all rows of each group have, NaN where they differ; (U,) of (M,)."""
-        most, least = self.greatest(values[None])[0], -self.greatest(-values[None])[0]
+        (most,), (least,) = self.intersection(values[None], values[None])
         return np.where(least == most, least, np.nan)
 
     def spread(self, values: Floats, other: Floats) -> Floats:

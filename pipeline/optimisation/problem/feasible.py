@@ -158,7 +158,8 @@ def problem_of(
     blocks = cut_blocks(cut, arcs)
     bounds = bounds_of(cut, blocks, limits, editable, f_z_load, practice)
     ranges = ranges_of(cut, limits, editable, basis.drive, practice, bounds.high)
-    life = tool_life(cut, blocks, arcs, basis.material)
+    life, least = tool_life(cut, blocks, arcs, basis.material), limits.margins.stability
+    lobes = partial(chatter_of, cut, blocks, basis.dynamics, ranges, editable.speed, least)
     problem = Problem(
         cut=cut,
         basis=basis,
@@ -168,22 +169,12 @@ def problem_of(
         bounds=bounds,
         ranges=ranges,
         demand=demand_of(cut, blocks, life, basis, limits, bounds=bounds, ranges=ranges),
-        lobes=cache(
-            partial(
-                chatter_of,
-                cut,
-                blocks,
-                basis.dynamics,
-                ranges,
-                editable.speed,
-                limits.margins.stability,
-            )
-        ),
+        lobes=cache(lobes),
         practice=practice,
     )
     if practice is not None:  # what keeps its S is cut as it is
         kept = problem.cuts & ~editable.speed
-        problem = problem.staying(kept & (problem.own_margin < limits.margins.stability))
+        problem = problem.staying(kept & (problem.own_margin < least))
     _check(problem, load_limited=f_z_load is not None)
     return problem
 
