@@ -52,14 +52,20 @@ def observations(path, target):
     pq.write_table(plain.set_column(place, OBSERVATIONS.field("time"), time), target)
 
 
-@pytest.fixture(
-    scope="module", params=[pytest.param("2017-11-13", marks=pytest.mark.proof), "2019-05-20"]
-)
+WEEKS = [
+    ("2019-05-20", 2),
+    *(pytest.param((day, 7), marks=pytest.mark.proof) for day in ("2017-11-13", "2019-05-20")),
+]
+"""Monday of a week, and how many of its logs are cleaned."""
+
+
+@pytest.fixture(scope="module", params=WEEKS)
 def week(request, tmp_path_factory):
-    source = Path(RECORDINGS) / "nist_mazak01" / f"week_{request.param}"
-    root = tmp_path_factory.mktemp(request.param)
+    monday, logs = request.param
+    source = Path(RECORDINGS) / "nist_mazak01" / f"week_{monday}"
+    root = tmp_path_factory.mktemp(monday)
     (root / "signals" / "observations").mkdir(parents=True)
-    for path in sorted(source.glob("*.txt")):
+    for path in sorted(source.glob("*.txt"))[:logs]:
         observations(path, root / "signals" / "observations" / f"{path.stem}.parquet")
     summary = clean(root / "signals", root / "clean", machine=MACHINE)
     return root, summary
