@@ -1,4 +1,4 @@
-"""Ranges of parameters, and limits from the command line to the constraint: words, values, refusals."""
+"""Ranges of parameters, and limits from the command line to the constraint: words and refusals."""
 
 from dataclasses import dataclass, fields
 from typing import Annotated

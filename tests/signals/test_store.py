@@ -1,4 +1,4 @@
-"""What is written is what is read again, whole and in order; what breaks a table's contract is named."""
+"""What is written is what is read again, whole; what breaks a contract of a table is named."""
 
 from collections.abc import Iterator
 from pathlib import Path

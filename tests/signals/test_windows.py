@@ -1,4 +1,4 @@
-"""Segments of a day (averages, bridges, ends), and of a recorder whose stamps round, repeat, jump."""
+"""Segments of a day (averages, bridges, ends), and of a recorder whose stamps round or jump."""
 
 from pathlib import Path
 

@@ -40,7 +40,6 @@ from pipeline.signals.formats import (
     UnreadableFile,
     encoded,
     looks_like,
-    observations_of,
 )
 from pipeline.signals.shdr import scan
 from pipeline.signals.shdr.lines import (
@@ -164,23 +163,36 @@ class Scanner:
         time, item, number, text, holds = (column[:n] for column in self._rows)
         self._convert_hard(number, item)
         names: dict[str, int] = {}
-        codes = [names.setdefault(p.name, len(names)) for p in self._known]
-        name_of = np.array(codes or [0], np.int32)
+        name_of = np.array([_code(names, p.name) for p in self._known] or [0], np.int32)
         kind_of = np.array([KINDS.index(p.kind) for p in self._known] or [0], np.int32)
         texts = _strings(int(self._state[scan.TEXTS]), *self._texts[1:])
+        keys: dict[str, int] = {}
+        columns = [time.copy(), name_of[item], number.copy(), holds == scan.NUMBER, text.copy(),
+                   sequence, kind_of[item], np.full(n, -1)]  # fmt: skip
+        attributes = pa.nulls(n + len(odd), pa.string())
+        if odd:
+            words = {word: code for code, word in enumerate(texts.to_pylist())}
+            rows = [
+                (r.time, _code(names, r.data_item), 0.0 if r.number is None else r.number,
+                 r.number is not None, _code(words, r.text), r.sequence, KINDS.index(r.kind),
+                 _code(keys, r.key))
+                for r in odd
+            ]  # fmt: skip
+            columns = [
+                np.insert(column, before, values)
+                for column, values in zip(columns, zip(*rows, strict=True), strict=True)
+            ]
+            texts = pa.array(words, pa.string())
+            which = np.insert(np.full(n, -1), before, range(len(odd)))
+            indices = pa.array(which, mask=which < 0)
+            attributes = pa.array([r.attributes for r in odd], pa.string()).take(indices)
+        time, item, number, known, text, sequence, kind, key = columns
         arrays = [
-            pa.array(time.copy()).cast(TIME), encoded(name_of[item], list(names)),
-            pa.array(number.copy(), mask=holds != scan.NUMBER), encoded(text.copy(), texts),
-            pa.array(sequence.astype(np.uint64)), encoded(kind_of[item], KINDS),
-            encoded(np.full(n, -1), []), pa.nulls(n, pa.string()), pa.nulls(n, pa.uint64()),
+            pa.array(time).cast(TIME), encoded(item, list(names)), pa.array(number, mask=~known),
+            encoded(text, texts), pa.array(sequence.astype(np.uint64)), encoded(kind, KINDS),
+            encoded(key, list(keys)), attributes, pa.nulls(len(time), pa.uint64()),
         ]  # fmt: skip
-        scanned = pa.Table.from_arrays(arrays, schema=OBSERVATIONS)
-        if not odd:
-            return scanned
-        columns = dict(zip(Row._fields, zip(*odd, strict=True), strict=True))
-        table = pa.concat_tables([scanned, observations_of(columns, len(odd))])
-        order = np.insert(np.arange(n), before, n + np.arange(len(odd)))
-        return table.unify_dictionaries().combine_chunks().take(order)
+        return pa.Table.from_arrays(arrays, schema=OBSERVATIONS)
 
     def _convert_hard(self, number: Any, item: Any) -> None:
         """Convert the numbers that the scanner copied out; Arrow rounds as Python does."""
@@ -197,6 +209,11 @@ class Scanner:
         self._odd = []
         self._texts[0][:] = 0
         self._state[scan.ROWS : scan.KEY_START] = 0
+
+
+def _code(codes: dict[str, int], word: str | None) -> int:
+    """The number of a word in the order in which they come, -1 for None."""
+    return -1 if word is None else codes.setdefault(word, len(codes))
 
 
 def _words(most: int, most_bytes: int) -> tuple[Any, Any, Any]:
