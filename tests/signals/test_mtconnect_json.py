@@ -178,12 +178,9 @@ def test_broken_lines_are_rejected_with_their_number(tmp_path: Path) -> None:
     ("change", "reason"),
     [
         ({"timestamp": None}, "no timestamp"),
-        ({"timestamp": "now"}, "'now'"),
         ({"timestamp": {"a": 1}}, "ISO 8601"),
-        ({"sequence": -1}, "'-1'"),
         ({"sequence": 1.5}, "'1.5'"),
         ({"dataItemId": None}, "neither dataItemId nor name"),
-        ({"value": "ON"}, "'ON'"),
         ({"value": True}, "'true'"),
         ({"value": [[1]]}, "more than numbers"),
     ],
