@@ -115,48 +115,33 @@ class CutLimit(Ranged, section="limits"):
     """Limits of a part's cut, in the units of tables; a limit that is None does not hold."""
 
     load_N: Annotated[
-        float | None,
-        Range(above=0.0, below=ENDLESS, unit="N"),
-        Limit(
-            option="--limit-load", help="Greatest load on a tool in the plane, N; or T5=300.",
-            name="load across the tool’s axis", margin="load",
-        ),
+        float | None, Range(above=0.0, below=ENDLESS, unit="N"),
+        Limit(option="--limit-load", help="Greatest load on a tool in the plane, N; or T5=300.",
+              name="load across the tool’s axis", margin="load"),
     ] = None  # fmt: skip
     """Peak of the load across the tool's axis, for tools without their own [N]."""
     deflection_um: Annotated[
-        float | None,
-        Range(above=0.0, below=ENDLESS, unit="um"),
-        Limit(
-            option="--limit-deflection", help="Of a tool's tip, um; or T5=20.",
-            name="deflection of the tip", margin="deflection",
-        ),
+        float | None, Range(above=0.0, below=ENDLESS, unit="um"),
+        Limit(option="--limit-deflection", help="Of a tool's tip, um; or T5=20.",
+              name="deflection of the tip", margin="deflection"),
     ] = None  # fmt: skip
     """Deflection of the tool's tip, for tools without their own [um]."""
     roughness_um: Annotated[
-        float | None,
-        Range(above=0.0, below=ENDLESS, unit="um"),
-        Limit(
-            option="--limit-roughness", help="Height of the feed marks, um.",
-            name="feed marks", margin="roughness",
-        ),
+        float | None, Range(above=0.0, below=ENDLESS, unit="um"),
+        Limit(option="--limit-roughness", help="Height of the feed marks, um.",
+              name="feed marks", margin="roughness"),
     ] = None  # fmt: skip
     """Height of the feed marks on walls and floors, R_t [um]."""
     chip_um: Annotated[
-        tuple[float, ...] | None,
-        Range(least=0.0, below=ENDLESS, unit="um"),
-        Limit(
-            option="--chip", help="Thickest chip of a block, um.",
-            name="thickest chip", margin="chip",
-        ),
+        tuple[float, ...] | None, Range(least=0.0, below=ENDLESS, unit="um"),
+        Limit(option="--chip", help="Thickest chip of a block, um.",
+              name="thickest chip", margin="chip"),
     ] = None  # fmt: skip
     """Least and greatest thickness of the thickest chip of a block [um]."""
     cutting_speed_m_min: Annotated[
-        tuple[float, ...] | None,
-        Range(least=0.0, below=ENDLESS, unit="m/min"),
-        Limit(
-            option="--cutting-speed", help="Cutting speed, m/min.",
-            name="cutting speed", margin="cutting_speed",
-        ),
+        tuple[float, ...] | None, Range(least=0.0, below=ENDLESS, unit="m/min"),
+        Limit(option="--cutting-speed", help="Cutting speed, m/min.",
+              name="cutting speed", margin="cutting_speed"),
     ] = None  # fmt: skip
     """Least and greatest v_c [m/min]."""
     feed_mm_min: Annotated[
@@ -172,12 +157,9 @@ class CutLimit(Ranged, section="limits"):
     ] = None
     """S [rev/min]; by default the range of the spindle's drive."""
     torque_Nm: Annotated[
-        float | None,
-        Range(above=0.0, below=ENDLESS, unit="N m"),
-        Limit(
-            option="--limit-torque", help="Of the cut, N m; or T5=10.",
-            name="torque of the cut", margin="torque",
-        ),
+        float | None, Range(above=0.0, below=ENDLESS, unit="N m"),
+        Limit(option="--limit-torque", help="Of the cut, N m; or T5=10.",
+              name="torque of the cut", margin="torque"),
     ] = None  # fmt: skip
     """Torque of the cut, beside the drive's own, for tools without their own [N m]."""
     power_share: Annotated[
@@ -190,21 +172,15 @@ class CutLimit(Ranged, section="limits"):
     ] = 1.0  # fmt: skip
     """Share of the drive's rated power [1]; above 1 for drives that bear it for minutes."""
     following_um: Annotated[
-        float | None,
-        Range(above=0.0, below=ENDLESS, unit="um"),
-        Limit(
-            option="--limit-following", help="Following error of an axis in the cut, um.",
-            name="following error in the cut", margin="axes",
-        ),
+        float | None, Range(above=0.0, below=ENDLESS, unit="um"),
+        Limit(option="--limit-following", help="Following error of an axis in the cut, um.",
+              name="following error in the cut", margin="axes"),
     ] = None  # fmt: skip
     """Following error of an axis while the tool is in the material [um]."""
     motor_command_A: Annotated[
-        float | None,
-        Range(above=0.0, below=ENDLESS, unit="A"),
-        Limit(
-            option="--limit-motor-command", help="Command of an axis' motor in the cut, A.",
-            name="motor command in the cut", margin="axes",
-        ),
+        float | None, Range(above=0.0, below=ENDLESS, unit="A"),
+        Limit(option="--limit-motor-command", help="Command of an axis' motor in the cut, A.",
+              name="motor command in the cut", margin="axes"),
     ] = None  # fmt: skip
     """Command of an axis' motor while the tool is in the material [A]."""
     least_speed_change_rpm: Annotated[

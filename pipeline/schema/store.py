@@ -189,10 +189,6 @@ def _one_of(value: Any, wanted: Any) -> Any:
     return value
 
 
-def _value_or_nothing(value: Any, _: Any) -> float | str | None:
-    return None if value is None else _value_or_name(value, _)
-
-
 @cache
 def _converter() -> cattrs.Converter:
     converter = cattrs.Converter(forbid_extra_keys=True)
@@ -203,7 +199,9 @@ def _converter() -> cattrs.Converter:
         converter.register_structure_hook(scalar, hook)
     converter.register_structure_hook(int | str, _number_or_name)
     converter.register_structure_hook(float | str, _value_or_name)
-    converter.register_structure_hook(float | str | None, _value_or_nothing)
+    converter.register_structure_hook(
+        float | str | None, lambda value, _: None if value is None else _value_or_name(value, _)
+    )
     converter.register_structure_hook_func(lambda t: get_origin(t) is Literal, _one_of)
     plain: set[Any] = set()
 

@@ -49,32 +49,23 @@ _STATES = (
 )
 
 
-def _states() -> list[Column]:
-    return [Column(name=n, unit="", meaning=m, text=True) for n, m in _STATES]
-
-
 def _axes() -> list[Column]:
     columns = []
-    for axis in "xyz":
-        up = axis.upper()
+    for axis in "xyzabc":
+        up, linear = axis.upper(), axis in "xyz"
         columns += [
             Column(name=f"{axis}_position", unit="MILLIMETER", meaning=f"actual position of {up}",
                    low=-1e5, high=1e5, factor=MM, between="linear"),
             Column(name=f"{axis}_feedrate", unit="MILLIMETER/SECOND",
                    meaning=f"feed rate of axis {up}", low=-5e3, high=5e3, factor=MM),
-            Column(name=f"{axis}_load", unit="PERCENT", meaning=f"load of axis {up} drive",
-                   low=-500, high=500, factor=1e-2),
-        ]  # fmt: skip
-    for axis in "abc":
-        up = axis.upper()
-        columns += [
+        ] if linear else [
             Column(name=f"{axis}_angle", unit="DEGREE", meaning=f"actual angle of {up}",
                    low=-1e6, high=1e6, factor=DEGREE),
             Column(name=f"{axis}_angular_velocity", unit="DEGREE/SECOND",
                    meaning=f"angular velocity of {up}", low=-1e5, high=1e5, factor=DEGREE),
-            Column(name=f"{axis}_load", unit="PERCENT", meaning=f"load of axis {up} drive",
-                   low=-500, high=500, factor=1e-2),
         ]  # fmt: skip
+        columns.append(Column(name=f"{axis}_load", unit="PERCENT", low=-500, high=500, factor=1e-2,
+                              meaning=f"load of axis {up} drive"))  # fmt: skip
     return columns
 
 
@@ -105,12 +96,9 @@ def _others() -> list[Column]:
                low=-20, high=90, offset=ZERO_CELSIUS, between="linear"),
         Column(name="path_feedrate", unit="MILLIMETER/SECOND", meaning="actual feed along the path",
                low=-5e3, high=5e3, factor=MM),
-        Column(name="feed_override", unit="PERCENT", meaning="feed override", low=0, high=500,
-               factor=1e-2),
-        Column(name="rapid_override", unit="PERCENT", meaning="rapid override", low=0, high=500,
-               factor=1e-2),
-        Column(name="spindle_override", unit="PERCENT", meaning="spindle speed override", low=0,
-               high=500, factor=1e-2),
+        *(Column(name=f"{what}_override", unit="PERCENT", low=0, high=500, factor=1e-2,
+                 meaning=f"{what}{' speed' * (what == 'spindle')} override")
+          for what in ("feed", "rapid", "spindle")),
         Column(name="line", unit="", meaning="line or block of the program", low=0),
         Column(name="part_count", unit="", meaning="parts made, as the controller counts", low=0),
         Column(name="total_time", unit="SECOND", meaning="time the machine was on", low=0),
@@ -119,7 +107,10 @@ def _others() -> list[Column]:
     ]  # fmt: skip
 
 
-COLUMNS: dict[str, Column] = {c.name: c for c in _states() + _axes() + _spindles() + _others()}
+_STATE_COLUMNS = [Column(name=n, unit="", meaning=m, text=True) for n, m in _STATES]
+COLUMNS: dict[str, Column] = {
+    c.name: c for c in (*_STATE_COLUMNS, *_axes(), *_spindles(), *_others())
+}
 
 
 def column(name: str) -> Column:
@@ -140,20 +131,19 @@ def field(name: str) -> pa.Field:
 
 
 TIME = pa.timestamp("ns", tz="UTC")
+_CODED, _WORD, _NUMBER = pa.dictionary(pa.int32(), pa.string()), pa.string(), pa.float64()
 
-OBSERVATIONS = pa.schema(
-    [
-        pa.field("time", TIME, nullable=False),
-        pa.field("data_item", pa.dictionary(pa.int32(), pa.string()), nullable=False),
-        pa.field("number", pa.float64()),
-        pa.field("text", pa.dictionary(pa.int32(), pa.string())),
-        pa.field("sequence", pa.uint64(), nullable=False),
-        pa.field("kind", pa.dictionary(pa.int32(), pa.string()), nullable=False),
-        pa.field("key", pa.dictionary(pa.int32(), pa.string())),
-        pa.field("attributes", pa.string()),
-        pa.field("instance", pa.uint64()),
-    ]
-)
+
+def _schema(needed: str, **columns: pa.DataType) -> pa.Schema:
+    """Schema of ``columns`` in their order; those ``needed`` hold no null."""
+    return pa.schema([pa.field(n, t, n not in needed.split()) for n, t in columns.items()])
+
+
+OBSERVATIONS = _schema(
+    "time data_item sequence kind",
+    time=TIME, data_item=_CODED, number=_NUMBER, text=_CODED, sequence=pa.uint64(), kind=_CODED,
+    key=_CODED, attributes=_WORD, instance=pa.uint64(),
+)  # fmt: skip
 """Long form of a machine's observations.
 
 ``number`` or ``text`` holds the value; both null say that the item became unavailable at ``time``.
@@ -166,81 +156,30 @@ position, the place in a time series, the id of an asset.  ``attributes`` is JSO
 KINDS = ("SAMPLE", "EVENT", "CONDITION", "MESSAGE", "DATA_SET", "TABLE", "TIME_SERIES", "ASSET",
          "UNKNOWN")  # fmt: skip
 
-REJECTED = pa.schema(
-    [
-        pa.field("file", pa.string(), nullable=False),
-        pa.field("line", pa.uint64()),
-        pa.field("reason", pa.string(), nullable=False),
-        pa.field("excerpt", pa.string()),
-    ]
-)
+REJECTED = _schema("file reason", file=_WORD, line=pa.uint64(), reason=_WORD, excerpt=_WORD)
 """Unreadable records: file, line (null for the whole file), reason, beginning of the text."""
 
-RUNS = pa.schema(
-    [
-        pa.field("recording", pa.string(), nullable=False),
-        pa.field("file", pa.string(), nullable=False),
-        pa.field("format", pa.string(), nullable=False),
-        pa.field("start", TIME),
-        pa.field("end", TIME),
-        pa.field("rows", pa.int64(), nullable=False),
-    ]
-)
+RUNS = _schema(
+    "recording file format rows",
+    recording=_WORD, file=_WORD, format=_WORD, start=TIME, end=TIME, rows=pa.int64(),
+)  # fmt: skip
 """Table of recordings, one row each; further columns are their conditions."""
 
-AUDIT = pa.schema(
-    [
-        pa.field("time", TIME, nullable=False),
-        pa.field("data_item", pa.string(), nullable=False),
-        pa.field("before", pa.string()),
-        pa.field("after", pa.string()),
-        pa.field("rule", pa.string(), nullable=False),
-    ]
-)
-GAPS = pa.schema(
-    [
-        pa.field("data_item", pa.string()),
-        pa.field("start", TIME, nullable=False),
-        pa.field("end", TIME),
-        pa.field("cause", pa.string(), nullable=False),
-    ]
-)
-CYCLES = pa.schema(
-    [
-        pa.field("cycle", pa.int64(), nullable=False),
-        pa.field("program", pa.string()),
-        pa.field("part", pa.string()),
-        pa.field("start", TIME, nullable=False),
-        pa.field("end", TIME, nullable=False),
-        *(
-            pa.field(n, pa.float64(), nullable=False, metadata={"unit": "SECOND"})
-            for n in ("active_s", "feed_hold_s", "interrupted_s", "idle_s")
-        ),
-        pa.field("tool_changes", pa.int64(), nullable=False),
-        pa.field("complete", pa.bool_(), nullable=False),
-    ]
-)
-SEGMENTS = pa.schema(
-    [
-        pa.field("start", TIME, nullable=False),
-        pa.field("end", TIME, nullable=False),
-        pa.field("kind", pa.string(), nullable=False),
-    ]
-)
-
-ALARMS = pa.schema(
-    [
-        pa.field("data_item", pa.string(), nullable=False),
-        pa.field("level", pa.string(), nullable=False),
-        pa.field("code", pa.string(), nullable=False),
-        pa.field("message", pa.string(), nullable=False),
-        pa.field("start", TIME, nullable=False),
-        pa.field("end", TIME),
-        pa.field("ended", pa.string(), nullable=False),
-        pa.field("program", pa.string()),
-        pa.field("line", pa.float64()),
-    ]
-)
+AUDIT = _schema("time data_item rule", time=TIME, data_item=_WORD, before=_WORD, after=_WORD,
+                rule=_WORD)  # fmt: skip
+GAPS = _schema("start cause", data_item=_WORD, start=TIME, end=TIME, cause=_WORD)
+CYCLES = pa.schema([
+    *_schema("cycle start end", cycle=pa.int64(), program=_WORD, part=_WORD, start=TIME, end=TIME),
+    *(pa.field(n, _NUMBER, nullable=False, metadata={"unit": "SECOND"})
+      for n in ("active_s", "feed_hold_s", "interrupted_s", "idle_s")),
+    *_schema("tool_changes complete", tool_changes=pa.int64(), complete=pa.bool_()),
+])  # fmt: skip
+SEGMENTS = _schema("start end kind", start=TIME, end=TIME, kind=_WORD)
+ALARMS = _schema(
+    "data_item level code message start ended",
+    data_item=_WORD, level=_WORD, code=_WORD, message=_WORD, start=TIME, end=TIME, ended=_WORD,
+    program=_WORD, line=_NUMBER,
+)  # fmt: skip
 
 ALARM_LEVELS = ("warning", "fault")
 ALARM_ENDS = ("cleared", "changed", "unavailable", "open")

@@ -112,27 +112,24 @@ class Rule:
         return wanted, ~missing & ~((numbers >= self.low) & (numbers <= self.high))
 
 
+def _breach(table: str, column: str, said: str) -> ValueError:
+    return ValueError(f"{table}: column {column!r}{said}; {_REMEDY.get(table, _CLEAN)}")
+
+
 def check(table_name: str, frame: pd.DataFrame) -> pd.DataFrame:
     """The same table, checked: a breach is a ValueError with column, row, value and remedy."""
     rules = _rules(table_name, frame.columns)
-    remedy = _REMEDY.get(table_name, _CLEAN)
     _check_columns(table_name, frame, rules)
     for name, rule in rules.items():
         kind, is_of = ACCEPTED[rule.accepts]
         if not is_of(frame[name]):
-            raise ValueError(
-                f"{table_name}: column {name!r} is {frame[name].dtype} where {kind} belong; "
-                f"{remedy}"
-            )
+            raise _breach(table_name, name, f" is {frame[name].dtype} where {kind} belong")
         wanted, wrong = rule.broken(frame[name])
         if wrong.any():
             row = int(np.argmax(wrong))
             case = frame[name].iloc[row]
             shown = case.item() if isinstance(case, np.generic) else case
-            raise ValueError(
-                f"{table_name}: column {name!r}, row {row}: {shown!r} where {wanted} belongs; "
-                f"{remedy}"
-            )
+            raise _breach(table_name, name, f", row {row}: {shown!r} where {wanted} belongs")
     _check_order(table_name, frame)
     return frame
 
@@ -180,34 +177,28 @@ def _wide(table_name: str, present: list[str]) -> dict[str, Rule]:
 
 
 def _check_columns(table_name: str, frame: pd.DataFrame, rules: Mapping[str, Rule]) -> None:
-    remedy = _REMEDY.get(table_name, _CLEAN)
     for name in rules:
         if name not in frame.columns:
-            raise ValueError(f"{table_name}: column {name!r} is missing; {remedy}")
+            raise _breach(table_name, name, " is missing")
     for name in frame.columns if table_name not in _OPEN else ():
         if name not in rules:
-            raise ValueError(f"{table_name}: column {name!r} is not of this table; {remedy}")
+            raise _breach(table_name, name, " is not of this table")
 
 
 def _check_order(table_name: str, frame: pd.DataFrame) -> None:
     """Times ascend where they index the table, and nothing ends before it starts."""
-    remedy = _REMEDY.get(table_name, _CLEAN)
     if table_name == "state" and len(frame):
         late = (frame["time"].diff() <= pd.Timedelta(0)).to_numpy()
         if late.any():
             row = int(np.argmax(late))
-            raise ValueError(
-                f"state: column 'time', row {row}: {frame['time'].iloc[row]} does not follow the "
-                f"row before; {remedy}"
-            )
+            said = f", row {row}: {frame['time'].iloc[row]} does not follow the row before"
+            raise _breach("state", "time", said)
     if {"start", "end"} <= set(frame.columns):
         wrong = (frame["end"] < frame["start"]).to_numpy()
         if wrong.any():
             row = int(np.argmax(wrong))
-            raise ValueError(
-                f"{table_name}: column 'end', row {row}: {frame['end'].iloc[row]} is before its "
-                f"start {frame['start'].iloc[row]}; {remedy}"
-            )
+            start, end = (frame[name].iloc[row] for name in ("start", "end"))
+            raise _breach(table_name, "end", f", row {row}: {end} is before its start {start}")
 
 
 def check_files(folder: Path, tables: Mapping[str, str]) -> None:

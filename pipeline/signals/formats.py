@@ -42,28 +42,35 @@ class Rejection:
 
 @dataclass(frozen=True, kw_only=True)
 class Batch:
-    """Observations of one part of a file; ``read == kept + len(rejected)`` records.
+    """Observations of one part of a file, by ``read`` records.
 
     One record (a ``key|value`` pair, an element, a row) may give several rows.
     """
 
     observations: pa.Table
     read: int
-    kept: int
     rejected: list[Rejection] = field(default_factory=list)
+
+    @property
+    def kept(self) -> int:
+        """Records that were kept."""
+        return self.read - len(self.rejected)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trace:
     """Recording in wide form: ``table`` has ``time`` [ns UTC] or ``t`` [s] and channels.
 
-    Each channel's field carries its unit as metadata.  ``read == kept + len(rejected)`` in rows.
+    Each channel's field carries its unit as metadata.
     """
 
     table: pa.Table
-    read: int
-    kept: int
     rejected: list[Rejection] = field(default_factory=list)
+
+    @property
+    def kept(self) -> int:
+        """Rows that were kept."""
+        return int(self.table.num_rows)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, replace
 from importlib import import_module
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -19,6 +19,7 @@ from pipeline.schema.imports import modules
 from pipeline.signals.formats import RecordSource, Rejection, UnreadableFile
 from pipeline.signals.store import (
     Entry,
+    Outcome,
     parquet_name,
     read_manifest,
     read_rejections,
@@ -143,27 +144,6 @@ NOT_NAMED = "no source in the machine's file in conf/machine/ names it"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome:
-    """Result of one raw file: its entry in the manifest, with the rejections themselves."""
-
-    format: str | None
-    read: int = 1
-    kept: int = 0
-    rows: int = 0
-    first: str | None = None
-    last: str | None = None
-    output: str | None = None
-    reason: str | None = None
-    notes: dict[str, Any] = field(default_factory=dict)
-    rejected: list[Rejection] = field(default_factory=list)
-
-    def entry(self, file: RawFile) -> Entry:
-        """The entry of ``file`` in the manifest."""
-        made_from = {"sha256": file.made_from["sha256"], "made_from": file.made_from}
-        return {**vars(self), "rejected": len(self.rejected), **made_from}
-
-
-@dataclass(frozen=True, kw_only=True)
 class Ingested:
     """Result of an ingest: files read now and kept from before, and records over all files."""
 
@@ -208,7 +188,7 @@ def ingest(
 
     todo = [file for file in files if file.name not in entries]
     for file, found in zip(todo, mapped(outcome, todo, compute="threads"), strict=True):
-        entries[file.name], rejections[file.name] = found.entry(file), found.rejected
+        entries[file.name], rejections[file.name] = found.entry(file.made_from), found.rejected
     remove_stale(out, entries)
     write_rejected({n: rejections.get(n, []) for n in sorted(entries)}, out / "rejected.parquet")
     write_runs(out, entries)
@@ -239,26 +219,18 @@ def _read(file: RawFile, raw: Path, out: Path) -> Outcome:
         return _unreadable(NOT_NAMED, None)
     if source.format == "program":  # nothing of it is a signal
         return Outcome(format="program", kept=1)
-    read = reader_of(source.format)
-    observing = source.format in OBSERVING
-    target = f"{'observations' if observing else 'traces'}/{parquet_name(file.name)}"
-    notes: dict[str, Any] = {}
+    write: Callable[..., Outcome] = write_trace
+    folder = "traces"
+    if source.format in OBSERVING:
+        write, folder = write_observations, "observations"
+    target = f"{folder}/{parquet_name(file.name)}"
     try:
-        found = read(file.path, source, raw)
-        if observing:
-            written = write_observations(found, out / target)
-        else:
-            written = write_trace(found, out / target)
-            notes = json.loads((found.table.schema.metadata or {}).get(b"notes", b"{}"))
+        outcome = write(reader_of(source.format)(file.path, source, raw), out / target)
     except UnreadableFile as error:
         return _unreadable(str(error), source.format)
     except ValueError as error:
         raise ValueError(f"{file.name}: {error}") from error
-    return Outcome(
-        format=source.format, read=written.read, kept=written.kept, rows=written.rows,
-        first=written.first, last=written.last, output=target, notes=notes,
-        rejected=written.rejections,
-    )  # fmt: skip
+    return replace(outcome, format=source.format, output=target)
 
 
 def reader_of(form: str) -> Callable[..., Any]:

@@ -24,57 +24,70 @@ GROUP = 1 << 19
 MOST_NAMED = 5
 """Data items that a sentence names."""
 
-_WORDS = ["data_item", "text", "kind", "key", "attributes"]
+Entry = dict[str, Any]
+"""Entry of one raw file in the manifest."""
+
+_LAYOUT: dict[str, Any] = {
+    "compression": "zstd", "compression_level": 1,
+    "use_dictionary": ["data_item", "text", "kind", "key", "attributes"],
+    "write_statistics": ["time", "sequence", "instance"],
+    "column_encoding": {"time": "DELTA_BINARY_PACKED", "sequence": "DELTA_BINARY_PACKED",
+                        "number": "PLAIN", "instance": "PLAIN"},
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
-class Written:
-    """Counts of one raw file's records, ``read == kept + rejected``, with ISO times (UTC)."""
+class Outcome:
+    """Result of one raw file: its entry in the manifest, with the rejections themselves."""
 
-    read: int
-    kept: int
-    rejected: int
-    rows: int
-    first: str | None
-    last: str | None
-    rejections: list[Rejection] = field(default_factory=list)
+    format: str | None = None
+    kept: int = 0
+    rows: int = 0
+    first: str | None = None
+    last: str | None = None
+    """First and last time (ISO 8601, UTC); None where times only count from the start."""
+    output: str | None = None
+    reason: str | None = None
+    notes: dict[str, Any] = field(default_factory=dict)
+    rejected: list[Rejection] = field(default_factory=list)
+
+    def entry(self, made_from: dict[str, str]) -> Entry:
+        """Entry in the manifest of a file that was made from what has these hashes."""
+        counts = {"read": self.kept + len(self.rejected), "rejected": len(self.rejected)}
+        return {**vars(self), **counts, "sha256": made_from["sha256"], "made_from": made_from}
 
 
-def write_observations(batches: Iterable[Batch], path: Path) -> Written:
-    """Write the batches of a reader to one Parquet file, which appears when it is whole.
-
-    A batch whose counts do not add up is a ValueError.
-    """
-    rows = 0
-    counts = [0, 0]
-    rejections: list[Rejection] = []
+def write_observations(batches: Iterable[Batch], path: Path) -> Outcome:
+    """Write the batches of a reader to one Parquet file, which appears when it is whole."""
+    rows = kept = 0
+    rejected: list[Rejection] = []
     times: list[int] = []
-    with replacing(path) as part, pq.ParquetWriter(part, OBSERVATIONS, **_layout()) as writer:
-        for table in _groups(_counted(batches, rejections, counts)):
+
+    def tables() -> Iterator[pa.Table]:
+        nonlocal kept
+        for batch in batches:
+            kept += batch.kept
+            rejected.extend(batch.rejected)
+            yield batch.observations
+
+    with replacing(path) as part, pq.ParquetWriter(part, OBSERVATIONS, **_LAYOUT) as writer:
+        for table in _groups(tables()):
             writer.write_table(table, row_group_size=2 * GROUP)
             rows += len(table)
             times += _ends(table)
-    read, kept = counts
-    return Written(
-        read=read,
-        kept=kept,
-        rejected=len(rejections),
-        rows=rows,
-        first=_iso(min(times)) if times else None,
-        last=_iso(max(times)) if times else None,
-        rejections=rejections,
-    )
+    first, last = (_iso(min(times)), _iso(max(times))) if times else (None, None)
+    return Outcome(kept=kept, rows=rows, first=first, last=last, rejected=rejected)
 
 
-def write_trace(trace: Trace, path: Path) -> Written:
-    """Write one trace; ``first`` and ``last`` are None where times only count from the start."""
+def write_trace(trace: Trace, path: Path) -> Outcome:
+    """Write one trace, with its notes."""
     table = trace.table
     write_table(table, path)
     dated = "time" in table.column_names and table.num_rows > 0
     first, last = map(_iso, _ends(table)) if dated else (None, None)
-    return Written(
-        read=trace.read, kept=trace.kept, rejected=len(trace.rejected), rows=table.num_rows,
-        first=first, last=last, rejections=trace.rejected,
+    return Outcome(
+        kept=trace.kept, rows=table.num_rows, first=first, last=last, rejected=trace.rejected,
+        notes=json.loads((table.schema.metadata or {}).get(b"notes", b"{}")),
     )  # fmt: skip
 
 
@@ -82,38 +95,6 @@ def _ends(table: pa.Table) -> tuple[int, int]:
     """Earliest and latest time [ns since 1970] of a table that has rows."""
     ends = pc.min_max(table["time"].cast(pa.int64())).as_py()
     return ends["min"], ends["max"]
-
-
-def _layout() -> dict[str, Any]:
-    return {
-        "compression": "zstd",
-        "compression_level": 1,
-        "use_dictionary": _WORDS,
-        "write_statistics": ["time", "sequence", "instance"],
-        "column_encoding": {
-            "time": "DELTA_BINARY_PACKED",
-            "sequence": "DELTA_BINARY_PACKED",
-            "number": "PLAIN",
-            "instance": "PLAIN",
-        },
-    }
-
-
-def _counted(
-    batches: Iterable[Batch], rejections: list[Rejection], counts: list[int]
-) -> Iterator[pa.Table]:
-    for number, batch in enumerate(batches):
-        if batch.read != batch.kept + len(batch.rejected):
-            raise ValueError(
-                f"batch {number} read {batch.read} records but kept {batch.kept} and rejected "
-                f"{len(batch.rejected)}: its reader loses records"
-            )
-        if not batch.observations.schema.equals(OBSERVATIONS):
-            raise ValueError(f"batch {number} is no table of observations: its columns differ")
-        counts[0] += batch.read
-        counts[1] += batch.kept
-        rejections += batch.rejected
-        yield batch.observations
 
 
 def _groups(tables: Iterable[pa.Table]) -> Iterator[pa.Table]:
@@ -141,17 +122,10 @@ def _iso(ns: int) -> str:
 
 def write_rejected(rejected: Mapping[str, Iterable[Rejection]], path: Path) -> int:
     """Write what could not be read, by the path of the raw file; returns the number of rows."""
-    said = [
-        {"file": file, "line": r.line, "reason": r.reason, "excerpt": r.excerpt}
-        for file, some in rejected.items()
-        for r in some
-    ]
+    said = [{"file": file, **vars(one)} for file, some in rejected.items() for one in some]
     write_table(pa.Table.from_pylist(said, schema=REJECTED), path)
     return len(said)
 
-
-Entry = dict[str, Any]
-"""Entry of one raw file in the manifest."""
 
 LONGEST = 160
 """Bytes of a raw file's name that go into the name of its Parquet; file systems allow 255."""

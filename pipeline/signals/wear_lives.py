@@ -76,7 +76,11 @@ def read_lives(
         file = LifeFile(name=part.name, file=part.file, sha256=part.sha256)
         by_tool.setdefault(str(windows.tool[0]), []).append((file, windows))
     if not records.progress and any(len(cuts) > 1 for cuts in by_tool.values()):
-        by_tool = {tool: _numbered(cuts) for tool, cuts in by_tool.items()}
+        for cuts in by_tool.values():  # the number in the order of their names is the progress
+            cuts[:] = [
+                (file, replace(one, progress=np.full(len(one), float(k)), progress_unit="1"))
+                for k, (file, one) in enumerate(sorted(cuts, key=lambda cut: cut[0].name), start=1)
+            ]
     lives = []
     for tool, cuts in sorted(by_tool.items()):
         ordered = sorted(cuts, key=lambda one: (float(one[1].progress[0]), one[0].name))
@@ -89,14 +93,6 @@ def read_lives(
 
 
 _Cut = tuple[LifeFile, WearWindows]
-
-
-def _numbered(cuts: list[_Cut]) -> list[_Cut]:
-    """Recordings of a tool with their number in the order of their names as progress."""
-    return [
-        (file, replace(one, progress=np.full(len(one), float(k)), progress_unit="1"))
-        for k, (file, one) in enumerate(sorted(cuts, key=lambda cut: cut[0].name), start=1)
-    ]
 
 
 def _interpolated(

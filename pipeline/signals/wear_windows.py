@@ -28,6 +28,7 @@ from pipeline.signals.recordings import WORDS, Channel
 from pipeline.signals.units import conversion
 
 Words = NDArray[np.str_]
+_BY_WINDOW = ("values", "wear", "measured", "tool", "recording", "time", "progress")
 
 NORMAL_IQR = 1.349
 """Interquartile range of a normal distribution of standard deviation 1."""
@@ -106,9 +107,8 @@ class WearWindows:
 
     def of(self, rows: Any) -> "WearWindows":
         """Some of the windows, by a mask, by numbers or as a slice."""
-        named = ("values", "wear", "measured", "tool", "recording", "time", "progress")
         return replace(
-            self, **{name: getattr(self, name)[rows] for name in named},
+            self, **{name: getattr(self, name)[rows] for name in _BY_WINDOW},
             conditions={name: values[rows] for name, values in self.conditions.items()},
         )  # fmt: skip
 
@@ -125,8 +125,9 @@ class WearWindows:
             )
             if mine != theirs:
                 raise ValueError(f"windows of {mine} and of {theirs} do not go together")
-        named = ("values", "wear", "measured", "tool", "recording", "time", "progress")
-        arrays: dict[str, Any] = {n: np.concatenate([getattr(w, n) for w in parts]) for n in named}
+        arrays: dict[str, Any] = {
+            name: np.concatenate([getattr(one, name) for one in parts]) for name in _BY_WINDOW
+        }
         return replace(
             first, **arrays,
             conditions={

@@ -68,7 +68,7 @@ states = st.sampled_from(["ACTIVE", "READY", "FEED_HOLD", "INTERRUPTED", "STOPPE
 
 
 @given(st.lists(st.tuples(st.integers(1, 2000), states), min_size=1, max_size=40))
-@settings(deadline=None)
+@settings(deadline=None, max_examples=30)
 def test_time_is_conserved(drawn):
     time = np.cumsum([dt for dt, _ in drawn])
     points = [(float(t), w) for t, (_, w) in zip(time, drawn, strict=True)]

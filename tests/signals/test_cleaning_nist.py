@@ -37,30 +37,35 @@ WORDS = ("execution", "mode", "program", "Tool_number", "estop", "power")
 
 def observations(path, target):
     """One day's log as observations: what the conditions say is of no use here."""
-    rows = []
-    for line in path.read_text(encoding="latin-1").splitlines():
-        moment, item, *rest = line.split("|")
-        value = rest[0] if len(rest) == 1 else "condition"
-        if value == "UNAVAILABLE":
-            rows.append((moment, item, None))
-        else:
-            number = np.nan if item in WORDS else float(pd.to_numeric(value, errors="coerce"))
-            rows.append((moment, item, value if np.isnan(number) else number))
-    plain = table([(0, item, value) for _, item, value in rows], "1970-01-01")
-    moments = pd.to_datetime([m for m, _, _ in rows], utc=True, format="ISO8601")
+    lines = [line.split("|") for line in path.read_text(encoding="latin-1").splitlines()]
+    words = [rest[0] if len(rest) == 1 else "condition" for _, _, *rest in lines]
+    items = [item for _, item, *_ in lines]
+    numbers = np.where(np.isin(items, WORDS), np.nan, pd.to_numeric(words, errors="coerce"))
+    values = [
+        None if word == "UNAVAILABLE" else word if np.isnan(number) else float(number)
+        for word, number in zip(words, numbers, strict=True)
+    ]
+    plain = table([(0, *one) for one in zip(items, values, strict=True)], "1970-01-01")
+    moments = pd.to_datetime([moment for moment, *_ in lines], utc=True, format="ISO8601")
     time = pa.array(moments.as_unit("ns").asi8).cast(OBSERVATIONS.field("time").type)
     place = plain.schema.get_field_index("time")
     pq.write_table(plain.set_column(place, OBSERVATIONS.field("time"), time), target)
 
 
-@pytest.fixture(
-    scope="module", params=[pytest.param("2017-11-13", marks=pytest.mark.proof), "2019-05-20"]
-)
+WEEKS = [
+    ("2019-05-20", 2),
+    *(pytest.param((day, 7), marks=pytest.mark.proof) for day in ("2017-11-13", "2019-05-20")),
+]
+"""Monday of a week, and how many of its logs are cleaned."""
+
+
+@pytest.fixture(scope="module", params=WEEKS)
 def week(request, tmp_path_factory):
-    source = Path(RECORDINGS) / "nist_mazak01" / f"week_{request.param}"
-    root = tmp_path_factory.mktemp(request.param)
+    monday, logs = request.param
+    source = Path(RECORDINGS) / "nist_mazak01" / f"week_{monday}"
+    root = tmp_path_factory.mktemp(monday)
     (root / "signals" / "observations").mkdir(parents=True)
-    for path in sorted(source.glob("*.txt")):
+    for path in sorted(source.glob("*.txt"))[:logs]:
         observations(path, root / "signals" / "observations" / f"{path.stem}.parquet")
     summary = clean(root / "signals", root / "clean", machine=MACHINE)
     return root, summary

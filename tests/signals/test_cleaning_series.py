@@ -121,35 +121,44 @@ def test_numbers_that_go_on_prove_that_a_silence_lost_nothing():
 TEMPERATURE = column("spindle_temperature")
 
 
-def kept(points, signal=TEMPERATURE):
-    return without_glitches(series(points), signal, SETTINGS).series.value.tolist()
+STEP = [(t, 25) for t in range(100)] + [(t, 60) for t in range(100, 200)]
+RESET = [(t, 9000 + t) for t in range(100)] + [(t, t - 100) for t in range(100, 300)]
+ZEROS = [(t, 0 if t % 2 else 25 + t // 200) for t in range(600)]
+THROUGH_ZERO = [(60.0 * k, v) for k, v in enumerate([2, 1, 0, 0, -1, -2, -1, 0, 1])]
 
 
-def test_a_zero_between_good_temperatures_is_removed():
-    assert kept([(0, 25), (1, 0), (2, 25)]) == [25, 25]
+def counter(wild):
+    return [(t, wild if t == 100 else 1000 + t) for t in range(200)]
 
 
-def test_several_zeros_in_a_row_are_removed():
-    assert kept([(0, 25), (1, 0), (2, 0), (3, 0), (4, 26)]) == [25, 26]
+def but(points, *removed):
+    """Values of the points without those that are ``removed``."""
+    return [v for _, v in points if v not in removed]
 
 
-def test_zeros_that_alternate_for_minutes_are_removed_and_the_good_values_stay():
-    points = [(t, 0 if t % 2 else 25 + t // 200) for t in range(600)]
-    assert kept(points) == [v for _, v in points if v]
-
-
-def test_a_series_that_begins_and_ends_with_zero_keeps_its_good_values():
-    assert kept([(0, 0), (1, 22), (2, 0), (3, 22), (4, 0)]) == [22, 22]
-
-
-def test_a_temperature_that_passes_through_zero_is_kept():
-    points = [(60.0 * k, v) for k, v in enumerate([2, 1, 0, 0, -1, -2, -1, 0, 1])]
-    assert kept(points) == [v for _, v in points]
-
-
-def test_a_zero_at_the_end_of_a_long_hold_is_removed_though_the_mean_slope_is_small():
-    # 25 K in an hour is no fast change, but an item that reports on change would have said 24, 23…
-    assert kept([(0, 25), (3600, 0), (3601, 25)]) == [25, 25]
+@pytest.mark.parametrize(
+    ("name", "points", "left"),
+    [
+        ("spindle_temperature", [(0, 25), (1, 0), (2, 25)], [25, 25]),
+        ("spindle_temperature", [(0, 25), (1, 0), (2, 0), (3, 0), (4, 26)], [25, 26]),
+        ("spindle_temperature", ZEROS, but(ZEROS, 0)),
+        ("spindle_temperature", [(0, 0), (1, 22), (2, 0), (3, 22), (4, 0)], [22, 22]),
+        ("spindle_temperature", THROUGH_ZERO, but(THROUGH_ZERO)),
+        # 25 K in an hour is no fast change, but an item that reports on change would have said 24
+        ("spindle_temperature", [(0, 25), (3600, 0), (3601, 25)], [25, 25]),
+        ("spindle_temperature", [(0, 25), (1, 25), (2, 60), (3, 25), (4, 25)], [25] * 4),
+        ("spindle_temperature", STEP, but(STEP)),
+        *(("total_time", counter(wild), but(counter(wild), wild)) for wild in (1_001_000, 0, 17)),
+        ("total_time", RESET, but(RESET)),
+        ("path_feedrate", [(0, 30), (1, 0), (2, 30)], [30, 0, 30]),
+    ],
+    ids=["zero", "zeros", "zeros for minutes", "zero at both ends", "through zero",
+         "zero after a hold", "spike", "lasting step", "counter jumps", "counter falls to 0",
+         "counter falls", "counter is reset", "feed stops"],
+)  # fmt: skip
+def test_what_cannot_be_true_is_removed_and_all_else_stays(name, points, left):
+    done = without_glitches(series(points), column(name), SETTINGS)
+    assert done.series.value.tolist() == left
 
 
 def test_a_cold_morning_after_a_warm_evening_is_no_glitch():
@@ -158,35 +167,12 @@ def test_a_cold_morning_after_a_warm_evening_is_no_glitch():
     np.testing.assert_array_equal(done.series.value, [45, 45, np.nan, 22, 22])
 
 
-def test_a_single_spike_is_removed_and_a_lasting_step_is_kept():
-    assert kept([(0, 25), (1, 25), (2, 60), (3, 25), (4, 25)]) == [25, 25, 25, 25]
-    step = [(t, 25) for t in range(100)] + [(t, 60) for t in range(100, 200)]
-    assert kept(step) == [v for _, v in step]
-
-
 def test_values_out_of_the_physical_range_are_removed():
     done = without_glitches(
         series([(0, 10.0), (1, 7e5), (2, -7e5)]), column("path_feedrate"), SETTINGS
     )
     assert done.series.value.tolist() == [10.0]
     assert done.rule.tolist() == ["", "out_of_range", "out_of_range"]
-
-
-@pytest.mark.parametrize("wild", [1_000_000 + 1000, 0, 17])
-def test_a_counter_that_jumps_or_falls_back_loses_only_the_wild_values(wild):
-    points = [(t, 1000 + t) for t in range(200)]
-    points[100] = (100, wild)
-    expected = [v for t, v in points if t != 100]
-    assert kept(points, column("total_time")) == expected
-
-
-def test_a_counter_that_was_reset_counts_on():
-    points = [(t, 9000 + t) for t in range(100)] + [(t, t - 100) for t in range(100, 300)]
-    assert kept(points, column("total_time")) == [v for _, v in points]
-
-
-def test_feed_that_jumps_to_zero_is_kept():
-    assert kept([(0, 30), (1, 0), (2, 30)], column("path_feedrate")) == [30, 0, 30]
 
 
 values = st.one_of(
@@ -277,25 +263,20 @@ def control(angle, speed, at, **more):
     return held(state, ns(*at)).tolist()
 
 
-def test_a_moving_c_axis_engages_and_a_turning_spindle_releases():
-    angle = [(0, 0.0), (100, 40.0), (101, 90.0), (300, 0.0)]
-    speed = [(0, 0.0), (50, 400.0), (60, 0.0), (500, 3.0), (600, 300.0)]
-    found = control(angle, speed, [55, 99, 100, 400, 550, 600])
-    assert found == [0, 0, 1, 1, 1, 0]
-
-
-def test_an_angle_that_changes_while_the_spindle_turns_engages_nothing():
-    assert control([(0, 0.0), (5, 77.0)], [(0, 800.0)], [6]) == [0]
-
-
-def test_a_jump_of_the_angle_to_zero_engages_nothing():
-    assert control([(0, 90.0), (20, 0.0)], [(0, 300.0), (10, 0.0)], [30]) == [0]
-
-
-def test_a_motion_that_only_the_rate_shows_engages():
-    rate = series([(0, 0.0), (7, 8.0), (8, 0.0)])
-    found = control([(0, 0.0)], [(0, 300.0), (1, 0.0)], [6, 7, 20], rate=rate)
-    assert found == [0, 1, 1]
+@pytest.mark.parametrize(
+    ("angle", "speed", "rate", "at", "expected"),
+    [
+        ([(0, 0.0), (100, 40.0), (101, 90.0), (300, 0.0)],
+         [(0, 0.0), (50, 400.0), (60, 0.0), (500, 3.0), (600, 300.0)], None,
+         [55, 99, 100, 400, 550, 600], [0, 0, 1, 1, 1, 0]),
+        ([(0, 0.0), (5, 77.0)], [(0, 800.0)], None, [6], [0]),
+        ([(0, 90.0), (20, 0.0)], [(0, 300.0), (10, 0.0)], None, [30], [0]),
+        ([(0, 0.0)], [(0, 300.0), (1, 0.0)], [(0, 0.0), (7, 8.0), (8, 0.0)], [6, 7, 20], [0, 1, 1]),
+    ],
+    ids=["moves and turns", "angle while it turns", "jump to zero", "only the rate shows it"],
+)  # fmt: skip
+def test_what_engages_position_control_and_what_releases_it(angle, speed, rate, at, expected):
+    assert control(angle, speed, at, rate=None if rate is None else series(rate)) == expected
 
 
 def test_the_state_outlives_a_short_loss_and_not_a_night():

@@ -3,7 +3,6 @@
 import csv
 import gzip
 import io
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from recorder_tables import notes, values
 
 from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout, Trace, UnreadableFile
 from pipeline.signals.tables.csv_table import Lines, dialect_of, read, rows_by_arrow, rows_by_record
@@ -26,22 +26,11 @@ def trace(folder: Path, data: bytes | str, **layout: Any) -> Trace:
     if "rate" not in layout:
         layout.setdefault("time", "t")
     source = RecordSource(format="csv", files="*.csv", table=TableLayout(**layout))
-    result = read(path, source, folder)
-    assert result.read == result.kept + len(result.rejected)
-    assert result.kept == result.table.num_rows
-    return result
-
-
-def column(result: Trace, name: str) -> list[Any]:
-    return result.table.column(name).to_pylist()
+    return read(path, source, folder)
 
 
 def lines_of(result: Trace) -> list[int | None]:
     return [rejection.line for rejection in result.rejected]
-
-
-def notes(result: Trace) -> dict[str, Any]:
-    return json.loads(result.table.schema.metadata[b"notes"])
 
 
 @pytest.mark.parametrize(
@@ -71,8 +60,8 @@ def notes(result: Trace) -> dict[str, Any]:
 )
 def test_one_table_in_many_forms(tmp_path: Path, text: str, layout: dict[str, Any]) -> None:
     result = trace(tmp_path, text, **layout)
-    assert column(result, "t") == [0.0, 1.0]
-    assert column(result, "force_x") == [1.5, 2.0]
+    assert values(result, "t") == [0.0, 1.0]
+    assert values(result, "force_x") == [1.5, 2.0]
     assert result.rejected == []
 
 
@@ -84,7 +73,7 @@ def test_encodings(tmp_path: Path, encoding: str) -> None:
         text = b"\xff\xfe" + text
     source = {"spindle_temperature": ColumnSource(column=name, unit="degC")}
     result = trace(tmp_path, text, columns=source, encoding=encoding)
-    assert column(result, "spindle_temperature") == [20.5]
+    assert values(result, "spindle_temperature") == [20.5]
 
 
 def test_wrong_encoding_names_byte_and_line(tmp_path: Path) -> None:
@@ -94,9 +83,11 @@ def test_wrong_encoding_names_byte_and_line(tmp_path: Path) -> None:
 
 def test_gzip(tmp_path: Path) -> None:
     packed = gzip.compress(b"t,Fx\n0,1\n") + gzip.compress(b"1,2\n")
-    assert column(trace(tmp_path, packed), "force_x") == [1.0, 2.0]
-    with pytest.raises(UnreadableFile, match="cut off"):
-        trace(tmp_path, packed[:-9])
+    assert values(trace(tmp_path, packed), "force_x") == [1.0, 2.0]
+    for spoilt, reason in ((packed[:-9], "cut off"), (packed + b"more", "damaged")):
+        result = trace(tmp_path, spoilt)
+        assert values(result, "force_x") == [1.0, 2.0][: result.kept] and result.kept > 0
+        assert lines_of(result) == [result.kept + 2] and reason in result.rejected[0].reason
     with pytest.raises(UnreadableFile, match="damaged"):
         trace(tmp_path, packed[:12] + b"\xff\xff\xff" + packed[15:])
 
@@ -104,8 +95,8 @@ def test_gzip(tmp_path: Path) -> None:
 def test_bad_rows_are_rejected_with_the_files_own_line(tmp_path: Path) -> None:
     text = "header\n\nt,Fx\n0,1\n1,x7\n\n2,3,4\n3\nnow,5\n,6\n6,inf\n7,\n8,NaN\n9,UNAVAILABLE\n"
     result = trace(tmp_path, text)
-    assert column(result, "t") == [0.0, 7.0, 8.0, 9.0]
-    assert column(result, "force_x") == [1.0, None, None, None]
+    assert values(result, "t") == [0.0, 7.0, 8.0, 9.0]
+    assert values(result, "force_x") == [1.0, None, None, None]
     assert lines_of(result) == [5, 7, 8, 9, 10, 11]
     reasons = [rejection.reason for rejection in result.rejected]
     assert "'Fx' holds 'x7'" in reasons[0]
@@ -118,7 +109,7 @@ def test_bad_rows_are_rejected_with_the_files_own_line(tmp_path: Path) -> None:
 def test_lines_after_a_quoted_line_end_keep_their_number(tmp_path: Path) -> None:
     result = trace(tmp_path, 't,Fx,n\n0,1,"a\nb\nc"\n1,?,d\n2,2,e\n')
     assert lines_of(result) == [5]
-    assert column(result, "t") == [0.0, 2.0]
+    assert values(result, "t") == [0.0, 2.0]
 
 
 def test_a_stray_quote_costs_one_row(tmp_path: Path) -> None:
@@ -130,16 +121,16 @@ def test_a_stray_quote_costs_one_row(tmp_path: Path) -> None:
 
 def test_short_rows_are_filled_on_request(tmp_path: Path) -> None:
     result = trace(tmp_path, "t,a,Fx\n0,1,2\n1,1\n2,1,4,9\n", ragged="fill")
-    assert column(result, "force_x") == [2.0, None]
+    assert values(result, "force_x") == [2.0, None]
     assert lines_of(result) == [4]
 
 
 def test_a_number_cut_off_at_the_end_is_no_value(tmp_path: Path) -> None:
     result = trace(tmp_path, "t,Fx\n0,1.250\n1,2.125\n2,3.1")
-    assert column(result, "force_x") == [1.25, 2.125]
+    assert values(result, "force_x") == [1.25, 2.125]
     assert lines_of(result) == [4]
     whole = trace(tmp_path, "t,Fx\n0,1.250\n1,2.125\n2,3.125")
-    assert column(whole, "force_x") == [1.25, 2.125, 3.125]
+    assert values(whole, "force_x") == [1.25, 2.125, 3.125]
     assert notes(whole)["last_line_without_end"] == 4
 
 
@@ -149,7 +140,7 @@ def test_repeated_names_are_told_apart(tmp_path: Path) -> None:
         trace(tmp_path, text)
     for place, value in (("Fx#1", 1.0), ("Fx#2", 2.0), ("#4", 3.0)):
         columns = {"force_x": ColumnSource(column=place, unit="N")}
-        assert column(trace(tmp_path, text, columns=columns), "force_x") == [value]
+        assert values(trace(tmp_path, text, columns=columns), "force_x") == [value]
 
 
 def test_thousands_of_columns(tmp_path: Path) -> None:
@@ -157,7 +148,7 @@ def test_thousands_of_columns(tmp_path: Path) -> None:
     row = ",".join(str(k / 8) for k in range(5000))
     columns = {"force_x": ColumnSource(column="c4999", unit="kN")}
     result = trace(tmp_path, f"{names}\n{row}\n{row}\n", columns=columns, time="c8")
-    assert column(result, "force_x") == [624875.0, 624875.0]
+    assert values(result, "force_x") == [624875.0, 624875.0]
     assert result.table.num_columns == 2
     everything = trace(tmp_path, f"{names}\n{row}\n", columns=columns, time="c8", rest=True)
     assert everything.table.num_columns == 5000
@@ -167,9 +158,9 @@ def test_the_rest_is_kept_on_request(tmp_path: Path) -> None:
     text = "t,Fx,Acc,State,x_position\ns,N,g_0,,mm\n0,1,2,Prep,7\n1,2,,End,8\n"
     result = trace(tmp_path, text, rest=True, units_row=True)
     assert result.table.schema.names == ["t", "force_x", "Acc", "State", "raw_x_position"]
-    assert column(result, "Acc") == [2 * 9806.65, None]
+    assert values(result, "Acc") == [2 * 9806.65, None]
     assert result.table.schema.field("Acc").metadata[b"unit"] == b"MILLIMETER/SECOND^2"
-    assert column(result, "State") == ["Prep", "End"]
+    assert values(result, "State") == ["Prep", "End"]
     left = notes(trace(tmp_path, text, units_row=True))["columns_left_out"]
     assert left == ["Acc", "State", "x_position"]
 
@@ -239,8 +230,8 @@ def test_what_the_csv_module_writes_is_read_back(
             trace(folder, data, columns=columns, time="time_s")
         return
     result = trace(folder, data, columns=columns, time="time_s")
-    assert column(result, "t") == [t for t, _ in kept]
-    assert column(result, "force_x") == [f for _, f in kept]
+    assert values(result, "t") == [t for t, _ in kept]
+    assert values(result, "force_x") == [f for _, f in kept]
     bad = [k + 2 for k, (t, f) in enumerate(expected) if t in ("bad", None) or f == "bad"]
     assert lines_of(result) == bad
 
@@ -311,4 +302,4 @@ def test_a_file_cut_anywhere_keeps_only_what_was_written(
     complete = text[:length].count("\n") - 1
     if result.kept > 2:
         assert result.kept in (complete, complete + 1)
-        assert column(result, "force_x") == [f for _, f in rows[: result.kept]]
+        assert values(result, "force_x") == [f for _, f in rows[: result.kept]]

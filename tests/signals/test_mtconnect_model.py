@@ -1,13 +1,12 @@
 """Device models of MTConnect, and types of events whose values are names."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
-import pyarrow as pa
 import pytest
+from mtconnect_files import T0, WHEN, Read, outcome
 
-from pipeline.signals.formats import Batch, RecordSource, UnreadableFile
+from pipeline.signals.formats import RecordSource, UnreadableFile
 from pipeline.signals.mtconnect import json_document, xml_document
 from pipeline.signals.mtconnect.devices import (
     NAME_TYPES,
@@ -171,8 +170,6 @@ def test_table_of_items(tmp_path: Path) -> None:
     assert {"id", "type", "units", "native_units", "component"} <= set(table.column_names)
 
 
-WHEN = "2024-03-04T10:00:00.5Z"
-
 Said = tuple[str, float | None, str | None, str, str | None, int]
 """Item, number, text, kind, key and time of a row."""
 
@@ -206,15 +203,11 @@ def _json(version: int, section: str, element: str, value: str) -> str:
     return json.dumps({"MTConnectStreams": root})
 
 
-def _rows(batches: Iterator[Batch]) -> list[Said]:
-    rows: list[Said] = []
-    for batch in batches:
-        assert not batch.rejected
-        table = batch.observations
-        table = table.set_column(0, "time", table["time"].cast(pa.int64()))
-        names = ("data_item", "number", "text", "kind", "key", "time")
-        rows += zip(*(table[name].to_pylist() for name in names), strict=True)
-    return rows
+def _rows(read: Read, path: Path, source: RecordSource) -> list[Said]:
+    rows, _, rejected = outcome(read, path, source)
+    assert not rejected
+    names = ("data_item", "number", "text", "kind", "key", "time")
+    return [tuple(row[name] for name in names) for row in rows]  # type: ignore[misc]
 
 
 def _read_everywhere(
@@ -230,16 +223,16 @@ def _read_everywhere(
     path = folder / "streams.xml"
     path.write_text(_xml(section, element, value))
     source = RecordSource(format="mtconnect_xml", files="*", devices=devices)
-    found["XML"] = _rows(xml_document.read(path, source, folder))
+    found["XML"] = _rows(xml_document.read, path, source)
     source = RecordSource(format="mtconnect_json", files="*", devices=devices)
     for version in (1, 2):
         path = folder / f"{version}.json"
         path.write_text(_json(version, section, element, value))
-        found[f"JSON {version}"] = _rows(json_document.read(path, source, folder))
+        found[f"JSON {version}"] = _rows(json_document.read, path, source)
     path = folder / "log.txt"
     path.write_text(f"{WHEN}|item|{field or value}\n")
     source = RecordSource(format="shdr", files="*", devices="Devices.xml")
-    found["log"] = _rows(log.read(path, source, folder))
+    found["log"] = _rows(log.read, path, source)
     return found
 
 
@@ -265,7 +258,7 @@ def test_a_record_gives_the_same_row_whatever_it_is_read_from(
     text: str | None, model: bool,
 ) -> None:  # fmt: skip
     found = _read_everywhere(tmp_path, category, kind, value, model=model)
-    row = ("item", number, text, category, None, 1_709_546_400_500_000_000)
+    row = ("item", number, text, category, None, T0)
     assert found == {reader: [row] for reader in found}
     assert len(found) == 4
 
@@ -275,7 +268,7 @@ def test_the_text_of_messages_and_alarms_is_no_number(
     tmp_path: Path, kind: str, field: str
 ) -> None:
     found = _read_everywhere(tmp_path, "EVENT", kind, "0012", model=True, field=field)
-    row = ("item", None, "0012", "MESSAGE", None, 1_709_546_400_500_000_000)
+    row = ("item", None, "0012", "MESSAGE", None, T0)
     assert found == {reader: [row] for reader in found}
 
 
@@ -284,7 +277,7 @@ def test_a_device_document_knows_a_name_that_its_element_hides(tmp_path: Path) -
     path = tmp_path / "one.json"
     path.write_text(json.dumps({"dataItemId": "i", "timestamp": WHEN, "value": "0012"}))
     source = RecordSource(format="mtconnect_json", files="*", devices="Devices.xml")
-    ((item, number, text, kind, *_),) = _rows(json_document.read(path, source, tmp_path))
+    ((item, number, text, kind, *_),) = _rows(json_document.read, path, source)
     assert (item, number, text, kind) == ("item", None, "0012", "EVENT")
 
 

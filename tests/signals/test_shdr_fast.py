@@ -39,7 +39,7 @@ def _as_python_reads_it(tmp_path: Path, text: str) -> None:
 
 
 test_numbers_equal_pythons_bit_for_bit, test_many_numbers_equal_pythons = few_and_many(
-    _as_python_reads_it, 60, 300,
+    _as_python_reads_it, 40, 300,
     text=st.one_of(
         st.floats(allow_nan=False, allow_infinity=False).map(repr),
         st.from_regex(r"[+-]?[0-9]{0,25}(\.[0-9]{0,25})?([eE][+-]?[0-9]{1,3})?", fullmatch=True),
@@ -47,93 +47,28 @@ test_numbers_equal_pythons_bit_for_bit, test_many_numbers_equal_pythons = few_an
 )  # fmt: skip
 
 
-_KEYS = st.sampled_from(
-    [
-        "a",
-        "b",
-        "Xact",
-        "s1",
-        "odd",
-        "pos",
-        "wave",
-        "servo",
-        "msg",
-        "alarm",
-        "program",
-        "line",
-        "vars",
-        "offsets",
-        "changed",
-        "mill:Xact",
-        "@ASSET@",
-        "@UPDATE_ASSET@",
-        "@REMOVE_ASSET@",
-        "",
-        " a",
-        "Ö",
-        "7",
-    ]
-)
+_KEYS = st.sampled_from([
+    "a", "b", "Xact", "s1", "odd", "pos", "wave", "servo", "msg", "alarm", "program", "line",
+    "vars", "offsets", "changed", "mill:Xact", "@ASSET@", "@UPDATE_ASSET@", "@REMOVE_ASSET@", "",
+    " a", "Ö", "7",
+])  # fmt: skip
 _VALUES = st.one_of(
-    st.sampled_from(
-        [
-            "1",
-            "-2.5",
-            "0012",
-            "1e3",
-            "1e400",
-            "1e-310",
-            "123456789.123456789012",
-            "UNAVAILABLE",
-            "NORMAL",
-            "fault",
-            "WARNING",
-            "HIGH",
-            "",
-            " 3 ",
-            "1 2 3",
-            "1.0 2 3",
-            "AUTO",
-            "a=1 b={c d} e",
-            "A={x=1 y=2}",
-            '"q\\|r"',
-            "p\\|q",
-            "--multiline--AB",
-            "3",
-            "2",
-            "Öl",
-            "x" * 300,
-            "1:DAY",
-            "+7",
-            "9007199254740993",
-            "\t5",
-            "NaN",
-            "0e999",
-            "-0",
-        ]
-    ),
+    st.sampled_from([
+        "1", "-2.5", "0012", "1e3", "1e400", "1e-310", "123456789.123456789012", "UNAVAILABLE",
+        "NORMAL", "fault", "WARNING", "HIGH", "", " 3 ", "1 2 3", "1.0 2 3", "AUTO",
+        "a=1 b={c d} e", "A={x=1 y=2}", '"q\\|r"', "p\\|q", "--multiline--AB", "3", "2", "Öl",
+        "x" * 300, "1:DAY", "+7", "9007199254740993", "\t5", "NaN", "0e999", "-0",
+    ]),
     st.text("0123456789.eE+-", max_size=24),
     st.text(max_size=8),
-)
+)  # fmt: skip
 _TIMES = st.one_of(
-    st.sampled_from(
-        [
-            TIME,
-            TIME,
-            TIME,
-            "2019-05-20T10:46:18+01:00",
-            "2019-02-29T00:00:00Z",
-            "",
-            "15.5",
-            f"{TIME}@3",
-            f"{TIME}@x",
-            "2019-05-20T10:46:17",
-            " " + TIME,
-            "\ufeff" + TIME,
-        ]
-    ),
+    st.sampled_from([
+        TIME, TIME, TIME, "2019-05-20T10:46:18+01:00", "2019-02-29T00:00:00Z", "", "15.5",
+        f"{TIME}@3", f"{TIME}@x", "2019-05-20T10:46:17", " " + TIME, "\ufeff" + TIME,
+    ]),
     st.text("0123456789-T:.Z", max_size=28),
-)
+)  # fmt: skip
 _LINES = st.one_of(
     st.builds(
         lambda t, pairs, end: "|".join([t, *(f"{k}|{v}" for k, v in pairs)]) + end,
@@ -141,19 +76,16 @@ _LINES = st.one_of(
         st.lists(st.tuples(_KEYS, _VALUES), min_size=1, max_size=5),
         st.sampled_from(["\n", "\n", "\n", "\r\n", "|\n", "|z\n", " \n", "||||\n", ""]),
     ).map(str.encode),
-    st.sampled_from(
-        [b"\n", b"* PONG 1\n", b"--multiline--AB\n", b"\r\n", b" \n", b"\0\n", b"\xff\xfe\n"]
-    ),
+    st.sampled_from([b"\n", b"* PONG 1\n", b"--multiline--AB\n", b"\r\n", b" \n", b"\0\n",
+                     b"\xff\xfe\n"]),
     st.binary(max_size=20),
-)
+)  # fmt: skip
 
 
 def _alike(
     tmp_path_factory: pytest.TempPathFactory, lines: list[bytes], source: RecordSource, chunk: int
 ) -> None:
-    folder = (
-        tmp_path_factory.getbasetemp() / "alike"
-    )  # a Devices document is found in the folder above
+    folder = tmp_path_factory.getbasetemp() / "alike"
     folder.mkdir(exist_ok=True)
     (folder / "Devices.xml").write_text(DEVICES)
     path = folder / "log.txt"
@@ -164,7 +96,7 @@ def _alike(
 
 
 test_the_fast_path_equals_the_reference, test_both_paths_are_equal_on_many_logs = few_and_many(
-    _alike, 100, 400,
+    _alike, 60, 400,
     lines=st.lists(_LINES, max_size=12), source=st.sampled_from([SOURCE, UNITS, NATIVE]),
     chunk=st.integers(16, 300),
 )  # fmt: skip

@@ -32,13 +32,9 @@ def test_pairs_of_a_line(log: Log) -> None:
 
 def test_unavailable_and_empty(log: Log) -> None:
     assert log.values("a|UNAVAILABLE\na|Unavailable|b|unavailable\nc|\nd||e|1") == [
-        ("a", None, None, None),
-        ("a", None, None, None),
-        ("b", None, None, None),
-        ("c", None, "", None),
-        ("d", None, "", None),
-        ("e", 1.0, None, None),
-    ]
+        ("a", None, None, None), ("a", None, None, None), ("b", None, None, None),
+        ("c", None, "", None), ("d", None, "", None), ("e", 1.0, None, None),
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -61,12 +57,9 @@ def test_escaped_pipes() -> None:
 
 def test_escaped_pipes_in_lines(log: Log) -> None:
     assert log.values('note|x\\|y|z\na|x\\|y\nb|"u\\|v"|c|1\nd|C:\\p') == [
-        ("note", None, "z", "x|y"),
-        ("a", None, "x|y", None),
-        ("b", None, "u|v", None),
-        ("c", 1.0, None, None),
-        ("d", None, "C:\\p", None),
-    ]
+        ("note", None, "z", "x|y"), ("a", None, "x|y", None), ("b", None, "u|v", None),
+        ("c", 1.0, None, None), ("d", None, "C:\\p", None),
+    ]  # fmt: skip
 
 
 # Conditions, messages, assets, sets ---------------------------------------------------------------
@@ -140,23 +133,16 @@ def test_adapter_commands_are_kept_without_rows(log: Log) -> None:
 
 def test_data_sets_and_tables(log: Log) -> None:
     assert log.values("vars|a=1 b={x y} c d= e='q r'", UNITS) == [
-        ("vars", 1.0, None, "a"),
-        ("vars", None, "x y", "b"),
-        ("vars", None, None, "c"),
-        ("vars", None, None, "d"),
-        ("vars", None, "q r", "e"),
-    ]
+        ("vars", 1.0, None, "a"), ("vars", None, "x y", "b"), ("vars", None, None, "c"),
+        ("vars", None, None, "d"), ("vars", None, "q r", "e"),
+    ]  # fmt: skip
     assert log.values("offsets|G54={X=1 Y=2} G55", UNITS) == [
-        ("offsets", 1.0, None, "G54/X"),
-        ("offsets", 2.0, None, "G54/Y"),
+        ("offsets", 1.0, None, "G54/X"), ("offsets", 2.0, None, "G54/Y"),
         ("offsets", None, None, "G55"),
-    ]
+    ]  # fmt: skip
     rows = log.rows(f"{TIME}|vars|:MANUAL a=1\n", UNITS)
     assert said(rows[0]) == {"resetTriggered": "MANUAL"}
     assert "not closed" in log.rejected(f"{TIME}|vars|a={{1\n{TIME}|line|1\n", UNITS)[0].reason
-
-
-def test_data_set_needs_keys() -> None:
     with pytest.raises(ValueError, match="no key at character 3"):
         entries_of("a =1")
 
@@ -239,26 +225,14 @@ def test_iso_times(log: Log, text: str, expected: str) -> None:
     at = datetime.fromisoformat(expected) - datetime(1970, 1, 1, tzinfo=UTC)
     micro = (at.days * 86400 + at.seconds) * 10**6 + at.microseconds
     assert int(log.rows(f"{text}|a|1\n")[0][0]) // 1000 == micro  # type: ignore[call-overload]
+    # nanoseconds are kept, and further digits cut
+    assert log.rows("2019-05-20T10:46:17.1234567899Z|a|1\n")[0][0] == NS + 789
 
 
-def test_nanoseconds_are_kept_and_further_digits_cut(log: Log) -> None:
-    rows = log.rows("2019-05-20T10:46:17.1234567899Z|a|1\n")
-    assert rows[0][0] == NS + 789
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "2019-02-29T00:00:00Z",
-        "2019-13-01T00:00:00Z",
-        "2019-05-20T24:00:00Z",
-        "1677-12-31T00:00:00Z",
-        "2262-01-01T00:00:00Z",
-        "2019-05-20T10:46:17.Z",
-        "2019-05-20T10:46:17X",
-        "20190520T104617Z",
-    ],
-)
+@pytest.mark.parametrize("text", [
+    "2019-02-29T00:00:00Z", "2019-13-01T00:00:00Z", "2019-05-20T24:00:00Z", "1677-12-31T00:00:00Z",
+    "2262-01-01T00:00:00Z", "2019-05-20T10:46:17.Z", "2019-05-20T10:46:17X", "20190520T104617Z",
+])  # fmt: skip
 def test_times_that_are_none_are_rejected(log: Log, text: str) -> None:
     rejected = log.rejected(f"{TIME}|a|1\n{text}|a|1\n")
     assert [(r.line, text in r.reason) for r in rejected] == [(2, True)]
@@ -275,9 +249,6 @@ def test_duration_relative_and_missing_times(log: Log) -> None:
         None,
         {"time": "of the line before"},
     ]
-
-
-def test_the_first_line_needs_a_time(log: Log) -> None:
     assert [r.line for r in log.rejected(f"|a|3\n{TIME}|a|4\n")] == [1]
 
 

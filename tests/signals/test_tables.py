@@ -1,6 +1,5 @@
 """What all tables share: units at the door, time, rejected rows, and the real recordings."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,11 +8,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from recorder_tables import layout, nanoseconds, notes, trace_of, values
 
 from pipeline.signals.columns import COLUMNS
 from pipeline.signals.formats import (
-    ColumnSource,
-    RecordSource,
     Rejection,
     TableLayout,
     Trace,
@@ -23,28 +21,11 @@ from pipeline.signals.tables import columnar, csv_table
 from pipeline.signals.tables.table import RawTable, assemble, known_signal
 
 
-def layout(columns: Mapping[str, tuple[str, str | None]], **options: Any) -> TableLayout:
-    sources = {name: ColumnSource(column=c, unit=u) for name, (c, u) in columns.items()}
-    return TableLayout(columns=sources, **options)
-
-
 def trace(columns: Mapping[str, Any], form: TableLayout, **facts: Any) -> Trace:
     cells = {name: pa.array(values) for name, values in columns.items()}
     length = len(next(iter(cells.values())))
     facts.setdefault("lines", np.arange(1, length + 1))
     return assemble(RawTable(columns=cells, **facts), form)
-
-
-def values(result: Trace, name: str) -> list[Any]:
-    return result.table.column(name).to_pylist()
-
-
-def nanoseconds(result: Trace) -> list[int]:
-    return result.table.column("time").cast(pa.int64()).to_pylist()
-
-
-def notes(result: Trace) -> dict[str, Any]:
-    return json.loads(result.table.schema.metadata[b"notes"])
 
 
 def test_values_are_in_the_units_of_the_table_of_signals() -> None:
@@ -122,7 +103,7 @@ def test_a_rejected_row_keeps_its_sampling_period() -> None:
     gap = [Rejection(line=3, reason="ragged")]
     result = trace({"F": [1.0, 2.0, 3.0]}, form, lines=np.array([2, 4, 5]), rejected=gap)
     assert values(result, "t") == [0.0, 0.2, 0.3]
-    assert (result.read, result.kept) == (4, 3)
+    assert (len(result.rejected), result.kept) == (1, 3)
 
 
 def test_a_regular_clock_is_exact_to_the_nanosecond() -> None:
@@ -202,18 +183,16 @@ def test_a_clock_that_runs_backwards_is_stated() -> None:
 def test_a_wrong_layout_is_an_error(tmp_path: Path, options: dict[str, Any], message: str) -> None:
     path = tmp_path / "x.csv"
     path.write_text("T,F\n2024-01-01,1\n")
-    source = RecordSource(format="csv", files="*", table=layout({"force_x": ("F", "N")}, **options))
+    form = layout({"force_x": ("F", "N")}, **options)
     with pytest.raises(ValueError, match=message) as error:
-        csv_table.read(path, source, tmp_path)
+        trace_of(csv_table.read, path, form, "csv")
     assert not isinstance(error.value, UnreadableFile)
 
 
 def parquet(folder: Path, table: pa.Table, form: TableLayout) -> Trace:
     path = folder / "x.parquet"
     pq.write_table(table, path)
-    return columnar.read_parquet(
-        path, RecordSource(format="parquet", files="*", table=form), folder
-    )
+    return trace_of(columnar.read_parquet, path, form, "parquet")
 
 
 def test_parquet_reads_its_own_trace_back(tmp_path: Path) -> None:
@@ -243,11 +222,10 @@ def test_damaged_parquet(tmp_path: Path) -> None:
     parquet(tmp_path, pa.table({"F": np.arange(1000.0)}), form)
     path = tmp_path / "x.parquet"
     whole = path.read_bytes()
-    source = RecordSource(format="parquet", files="*", table=form)
     for length in (0, 3, 20, len(whole) // 2, len(whole) - 1):
         path.write_bytes(whole[:length])
         with pytest.raises(UnreadableFile):
-            columnar.read_parquet(path, source, tmp_path)
+            trace_of(columnar.read_parquet, path, form, "parquet")
     path.write_text("F\n1\n")
     with pytest.raises(UnreadableFile, match="no whole Parquet"):
-        columnar.read_parquet(path, source, tmp_path)
+        trace_of(columnar.read_parquet, path, form, "parquet")

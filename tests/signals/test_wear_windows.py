@@ -8,8 +8,9 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from recorder_tables import layout
 
-from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout
+from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import ingest
 from pipeline.signals.recordings import Channel
 from pipeline.signals.wear_lives import read_lives
@@ -22,7 +23,7 @@ from pipeline.signals.wear_windows import (
     WearSource,
     WearWindows,
 )
-from tests.signals.wear_files import IDENTITY, raw_lives, signals_of, wear_at, wear_records
+from tests.signals.wear_files import IDENTITY, SOURCES, raw_lives, signals_of, wear_at, wear_records
 
 
 def joined(lives: Lives) -> WearWindows:
@@ -89,8 +90,6 @@ def test_a_lower_rate_is_reached_behind_a_low_pass(tmp_path: Path) -> None:
     raw_lives(tmp_path / "other", tools=1, cuts=1)
     pq.write_table(pa.Table.from_pandas(table), tmp_path / "raw/wear/T0_000.parquet")
     (tmp_path / "other/wear/lives.csv").rename(tmp_path / "raw/wear/lives.csv")
-    from tests.signals.wear_files import SOURCES
-
     ingest(tmp_path / "raw", tmp_path / "signals", SOURCES, IDENTITY)
     records = wear_records(rate_Hz=200.0, length=400)
     values = joined(read_lives(tmp_path / "signals", records)).values[:, :, 50:-50]
@@ -103,15 +102,10 @@ def test_a_lower_rate_is_reached_behind_a_low_pass(tmp_path: Path) -> None:
 def table_signals(folder: Path, table: pd.DataFrame) -> Path:
     (folder / "raw").mkdir()
     pq.write_table(pa.Table.from_pandas(table, preserve_index=False), folder / "raw/all.parquet")
-    layout = TableLayout(
-        time="time", text=("experiment", "phase"), columns={
-            "experiment": ColumnSource(column="experiment"),
-            "phase": ColumnSource(column="phase"),
-            "wear": ColumnSource(column="wear", unit="mm"),
-            "force": ColumnSource(column="force", unit="N"),
-        },
-    )  # fmt: skip
-    source = RecordSource(format="parquet", files="*.parquet", table=layout)
+    units = {"experiment": None, "phase": None, "wear": "mm", "force": "N"}
+    columns = {name: (name, unit) for name, unit in units.items()}
+    form = layout(columns, time="time", text=("experiment", "phase"))
+    source = RecordSource(format="parquet", files="*.parquet", table=form)
     ingest(folder / "raw", folder / "signals", (source,), IDENTITY)
     return folder / "signals"
 
@@ -185,17 +179,13 @@ def test_classes_are_words_and_other_words_are_named(tmp_path: Path) -> None:
 
 def test_recordings_without_use_are_said(tmp_path: Path) -> None:
     signals = signals_of(tmp_path, tools=1, cuts=2)
-    many = wear_records(length=500)
-    assert (
-        "no stretch in cut lasts 0.5 s" in read_lives(signals, many).left_out["wear/T0_000.parquet"]
-    )
-    lacking = wear_records(channels={"torque": Channel(column="torque")})
-    assert "no channel 'torque'" in read_lives(signals, lacking).left_out["wear/T0_000.parquet"]
-    table = ConditionTable(file="wear/lives.csv", key="file", name=r"T(\d)")
-    assert (
-        "no row of it"
-        in read_lives(signals, wear_records(table=table)).left_out["wear/T0_001.parquet"]
-    )
+    first = "wear/T0_000.parquet"
+    for changes, reason in (
+        ({"length": 500}, "no stretch in cut lasts 0.5 s"),
+        ({"channels": {"torque": Channel(column="torque")}}, "no channel 'torque'"),
+        ({"table": ConditionTable(file="wear/lives.csv", key="file", name=r"T(\d)")}, "no row"),
+    ):
+        assert reason in read_lives(signals, wear_records(**changes)).left_out[first]
     with pytest.raises(ValueError, match="not among the records"):
         read_lives(signals, wear_records(table=ConditionTable(file="a.csv", key="file")))
 

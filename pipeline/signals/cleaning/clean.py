@@ -47,7 +47,7 @@ from pipeline.signals.cleaning.recorded import (
 )
 from pipeline.signals.cleaning.series import Audit, Series
 from pipeline.signals.cleaning.settings import CleanMachine, CleanSettings
-from pipeline.signals.columns import ALARMS, AUDIT, CYCLES, GAPS, SEGMENTS
+from pipeline.signals.contracts import SCHEMAS
 from pipeline.signals.store import sha256_of
 
 Summary = dict[str, Any]
@@ -94,6 +94,14 @@ def _has_agent(indices: list[Index]) -> bool:
     return any(one.days and not is_trace(one.file) for one in indices)
 
 
+def _open_gaps(carry: Carry) -> list[Gap]:
+    said = {item: left["said"] for item, left in carry.get("items", {}).items()}
+    return [
+        Gap(start=last[0], end=None, data_item=item, cause="unavailable")
+        for item, last in said.items() if last is not None and last[1] is None
+    ]  # fmt: skip
+
+
 class _Build:
     """One run over all days."""
 
@@ -123,18 +131,22 @@ class _Build:
         for day in days:
             key = self._key(day, carry)
             old = self.before.get("days", {}).get(day, {})
-            if old.get("key") == key and has_day(self.out, day, old):
+            there = old and (not old["seconds"] or state_path(self.out, day).is_file())
+            if there and old["key"] == key:
                 done[day] = old
             else:
                 fresh[day] = self._day(day, carry)
                 done[day] = self._note(day, key, fresh[day])
             carry = done[day]["carry"]
-        drop_days(self.out, keep=[d for d in days if done[d]["seconds"]])
+        for path in sorted((self.out / "state").glob("*.parquet")):
+            if path.stem not in done or not done[path.stem]["seconds"]:
+                path.unlink()
         kept = [d for d in days if d not in fresh]
-        write_audit(self.out, [a for d in fresh.values() for a in d.audit], kept, self.zone)
-        ended = [gap for d in fresh.values() for gap in d.gaps]
-        gaps = write_gaps(self.out, [*ended, *self._open_gaps(carry)], kept, self.zone)
-        return self._whole(days, done, list(fresh), gaps)
+        audit = [a for d in fresh.values() for a in d.audit]
+        rewritten(self.out / "audit.parquet", audit, kept, self.zone)
+        gaps = [*(gap for d in fresh.values() for gap in d.gaps), *_open_gaps(carry)]
+        table = rewritten(self.out / "gaps.parquet", gaps, kept, self.zone)
+        return self._whole(days, done, list(fresh), table)
 
     def _span(self, day: str) -> tuple[int, int]:
         """First moment of a day and of the next one [ns]."""
@@ -183,14 +195,6 @@ class _Build:
             "controller": changes(series, start, midnight),
         }  # fmt: skip
 
-    def _open_gaps(self, carry: Carry) -> list[Gap]:
-        said = {item: left["said"] for item, left in carry.get("items", {}).items()}
-        return [
-            Gap(start=last[0], end=None, data_item=item, cause="unavailable")
-            for item, last in said.items()
-            if last is not None and last[1] is None
-        ]
-
     def _whole(
         self, days: list[str], done: dict[str, Summary], written: list[str], gaps: pd.DataFrame
     ) -> Summary:
@@ -221,9 +225,7 @@ class _Build:
         return alarms(said, state)
 
 
-_WHOLE = {
-    "audit": AUDIT, "gaps": GAPS, "cycles": CYCLES, "segments": SEGMENTS, "alarms": ALARMS,
-}  # fmt: skip
+_WHOLE = ("audit", "gaps", "cycles", "segments", "alarms")
 
 
 def code_version() -> str:
@@ -236,7 +238,7 @@ def code_version() -> str:
 def write_table(path: Path, frame: pd.DataFrame | pa.Table) -> None:
     """Write one table; its schema goes by the file's name."""
     if not isinstance(frame, pa.Table):
-        schema = _WHOLE[path.stem]
+        schema = SCHEMAS[path.stem]
         frame = pa.Table.from_arrays([_array(frame[f.name], f.type) for f in schema], schema=schema)
     store.write_table(frame.replace_schema_metadata(None), path)
 
@@ -277,67 +279,33 @@ def read_state(out: Path, days: Iterable[str], names: list[str]) -> pd.DataFrame
     return pa.concat_tables(tables).to_pandas()
 
 
-def has_day(out: Path, day: str, note: Mapping[str, Any]) -> bool:
-    """Whether a day's state table is there, where it has one."""
-    return not note["seconds"] or state_path(out, day).is_file()
+_ORDER = {
+    "audit": ("time", ["time", "data_item", "rule"]),
+    "gaps": ("end", ["start", "end", "data_item", "cause"]),
+}
+"""Tables of single days: column that names the day of a row, and columns that order the rows."""
 
 
-def drop_days(out: Path, keep: list[str]) -> None:
-    """Remove the state tables of days that are no longer in the records."""
-    for path in sorted((out / "state").glob("*.parquet")):
-        if path.stem not in keep:
-            path.unlink()
-
-
-def _kept(path: Path, by: str, days: list[str], zone: str) -> pa.Table | None:
-    if not days or not path.is_file():
-        return None
-    table = pq.read_table(path)
-    row_day = [
-        None if t is None else day_of(t, zone) for t in table[by].cast(pa.int64()).to_pylist()
-    ]
-    return table.filter(pa.array([d in set(days) for d in row_day], pa.bool_()))
-
-
-def write_audit(out: Path, audit: list[Audit], kept_days: list[str], zone: str) -> pa.Table:
-    """Write ``audit.parquet``: rows of the days that stay, and those made now."""
-    return _rewrite(
-        out, "audit", audit, kept_days, zone, by="time", then=["time", "data_item", "rule"]
-    )
-
-
-def write_gaps(out: Path, gaps: list[Gap], kept_days: list[str], zone: str) -> pa.Table:
-    """Write ``gaps.parquet``; a gap belongs to the day it ends in."""
-    return _rewrite(
-        out, "gaps", gaps, kept_days, zone, by="end", then=["start", "end", "data_item", "cause"]
-    )
-
-
-def _rewrite(
-    out: Path,
-    name: str,
-    rows: Sequence[Audit | Gap],
-    kept: list[str],
-    zone: str,
-    *,
-    by: str,
-    then: list[str],
-) -> pa.Table:  # fmt: skip
-    path, made = out / f"{name}.parquet", pa.Table.from_pylist(list(map(vars, rows)), _WHOLE[name])
-    stays = _kept(path, by, kept, zone)
-    table = made if stays is None else pa.concat_tables([stays.cast(made.schema), made])
-    table = table.sort_by([(column, "ascending") for column in then])
+def rewritten(path: Path, rows: Sequence[Audit | Gap], kept: list[str], zone: str) -> pa.Table:
+    """Write audit or gaps: rows of the days that are ``kept``, and those made now."""
+    schema, (by, order) = SCHEMAS[path.stem], _ORDER[path.stem]
+    table = pa.Table.from_pylist(list(map(vars, rows)), schema)
+    if kept and path.is_file():
+        old = pq.read_table(path).cast(schema)
+        times = old[by].cast(pa.int64()).to_pylist()
+        stays = [t is not None and day_of(t, zone) in set(kept) for t in times]
+        table = pa.concat_tables([old.filter(pa.array(stays, pa.bool_())), table])
+    table = table.sort_by([(column, "ascending") for column in order])
     write_table(path, table)
     return table
 
 
 def read_summary(out: Path) -> dict[str, Any]:
     """Summary of the last build; nothing when one of its tables is gone."""
-    path = out / "summary.json"
-    there = all((out / f"{name}.parquet").is_file() for name in _WHOLE)
-    if not path.is_file() or not there:
+    names = ["summary.json", *(f"{name}.parquet" for name in _WHOLE)]
+    if not all((out / name).is_file() for name in names):
         return {}
-    return dict(json.loads(path.read_text(encoding="utf-8")))
+    return dict(json.loads((out / "summary.json").read_text(encoding="utf-8")))
 
 
 def stacked(parts: list[pd.DataFrame]) -> pd.DataFrame:

@@ -98,7 +98,10 @@ def alarms(said: Iterable[Said], state: pd.DataFrame) -> pd.DataFrame:
             if place in active and active[place]["level"] == one.level.lower():
                 continue
             _end(active, [place], one.time, "changed")
-            active[place] = _begun(one)
+            active[place] = {
+                **one._asdict(), "level": one.level.lower(), "start": one.time, "end": None,
+                "ended": "open",
+            }  # fmt: skip
             found.append(active[place])
         else:
             whole = one.level == "" or not one.code
@@ -108,13 +111,6 @@ def alarms(said: Iterable[Said], state: pd.DataFrame) -> pd.DataFrame:
     for name in ("start", "end"):
         frame[name] = pd.to_datetime(frame[name], unit="ns", utc=True)
     return _placed(frame, state)
-
-
-def _begun(one: Said) -> dict[str, Any]:
-    return {
-        "data_item": one.data_item, "level": one.level.lower(), "code": one.code,
-        "message": one.message, "start": one.time, "end": None, "ended": "open",
-    }  # fmt: skip
 
 
 def _end(

@@ -219,58 +219,32 @@ def data_items_table(model: DeviceModel) -> pa.Table:
     return pa.table(columns)
 
 
-class _Reader(XmlEvents):
-    """Collects devices and data items from the elements as they come."""
+class _Tree(XmlEvents):
+    """Elements as the JSON of cppagent's version 1 has them: ``{"Element": {...}}`` in lists."""
 
     def __init__(self, content: Content) -> None:
         super().__init__(content)
-        self.items: list[DataItem] = []
-        self.devices: list[Device] = []
-        self.roots: list[str] = []
-        self._path: list[tuple[str, dict[str, str]]] = []
-        self._item: dict[str, str] | None = None
-        self._source: str | None = None
-        self._text: list[str] = []
+        self.roots: list[Node] = []
+        self._path: list[tuple[str, Any]] = []
 
     def start(self, name: str, attributes: dict[str, str]) -> None:
-        tag = local(name)
-        parent = self._path[-1][0] if self._path else ""
-        if tag != "fragment" and parent in ("", "fragment"):
-            self.roots.append(tag)
-        if parent == "Devices" or (tag == "Device" and parent in ("", "fragment")):
-            self.devices.append(device_of(attributes, self.devices, is_agent=tag == "Agent"))
-        if tag == "DataItem" and self._item is None:
-            self._item, self._source = attributes, None
-        elif tag == "Source" and self._item is not None:
-            self._source = attributes.get("dataItemId")
-            self._text.clear()
-        self._path.append((tag, attributes))
+        tag, own = local(name), attributes  # type: str, Any
+        parent = self._path[-1][1] if self._path else self.roots
+        if tag == "fragment":
+            own = self.roots
+        elif isinstance(parent, list):
+            parent.append({tag: own})
+        else:
+            groups = ("Devices", "Components", "DataItems")
+            own = parent.setdefault(tag, [] if tag in groups else attributes)
+        self._path.append((tag, own))
 
     def characters(self, text: str) -> None:
         if self._path and self._path[-1][0] == "Source":
-            self._text.append(text)
+            self._path[-1][1]["value"] = self._path[-1][1].get("value", "") + text
 
     def end(self, name: str) -> None:
-        tag, attributes = self._path.pop()
-        if tag == "Source" and self._item is not None:
-            self._source = "".join(self._text).strip() or self._source
-        elif tag == "DataItem" and attributes is self._item:
-            self._keep(attributes)
-            self._item = None
-
-    def _keep(self, attributes: dict[str, str]) -> None:
-        if not attributes.get("id"):
-            return
-        component, of = self._path[-2] if len(self._path) > 1 else ("", {})
-        self.items.append(
-            data_item(
-                attributes,
-                component=component or None,
-                component_name=of.get("name") or of.get("id"),
-                source=self._source,
-                device=self.devices[-1].label if self.devices else None,
-            )
-        )
+        self._path.pop()
 
 
 def read_devices(path: Path, device: str | None) -> DeviceModel:
@@ -281,15 +255,18 @@ def read_devices(path: Path, device: str | None) -> DeviceModel:
     whole = content(path)
     if whole.head(64).lstrip()[:1] in (b"{", b"["):
         return chosen(model_of_json(whole.everything()), device)
-    reader = _Reader(whole)
-    end = reader.parse_fragment()
-    if not reader.devices:
-        root = quoted(reader.roots[0]) if reader.roots else "nothing"
+    tree = _Tree(whole)
+    end = tree.parse_fragment()
+    names = [name for root in tree.roots for name in root]
+    bare = {"Devices": [root for root in tree.roots if "Device" in root]}
+    model = _model(tree.roots[0] if "MTConnectDevices" in names else bare)
+    if not model.devices:
+        root = quoted(names[0]) if names else "nothing"
         raise UnreadableFile(f"no device is declared in this document, which is {root}")
     if end.reason:
         line = whole.line(end.at)
         raise UnreadableFile(f"the device document breaks off at line {line}: {end.reason}")
-    return chosen(DeviceModel(items=tuple(reader.items), devices=tuple(reader.devices)), device)
+    return chosen(model, device)
 
 
 def chosen(model: DeviceModel, device: str | None) -> DeviceModel:
@@ -383,19 +360,23 @@ def model_of_json(text: bytes) -> DeviceModel:
         tree = orjson.loads(text)
     except orjson.JSONDecodeError as error:
         raise UnreadableFile(f"the device document is no JSON: {error}") from None
-    devices = list(devices_of(tree))
-    if not devices:
+    model = _model(tree)
+    if not model.devices:
         raise UnreadableFile("no device is declared in this JSON document")
-    known: list[Device] = []
+    return model
+
+
+def _model(tree: Any) -> DeviceModel:
+    devices: list[Device] = []
     items: list[DataItem] = []
     group = part(part(tree, "MTConnectDevices") or tree, "Devices")
     some = group if isinstance(group, list) else [group]
     agents = [agent for one in some for agent in bodies(part(one, "Agent"))]
-    for device in devices:
+    for device in devices_of(tree):
         is_agent = part(device, "type") == "Agent" or device in agents
-        known.append(device_of(attributes_in(device), known, is_agent=is_agent))
-        items += items_of(device, known[-1].label)
-    return DeviceModel(items=tuple(items), devices=tuple(known))
+        devices.append(device_of(attributes_in(device), devices, is_agent=is_agent))
+        items += items_of(device, devices[-1].label, "Agent" if device in agents else "Device")
+    return DeviceModel(items=tuple(items), devices=tuple(devices))
 
 
 def devices_of(tree: Any) -> Iterator[Node]:
@@ -410,20 +391,18 @@ def devices_of(tree: Any) -> Iterator[Node]:
         yield root
 
 
-def items_of(device: Node, label: str | None) -> Iterator[DataItem]:
+def items_of(device: Node, label: str | None, kind: str = "Device") -> Iterator[DataItem]:
     """Data items of a device and of all that it is made of; those without id are left out."""
-    waiting: list[tuple[str, Node]] = [("Device", device)]
+    waiting: list[tuple[str, Node]] = [(kind, device)]
     while waiting:
         tag, node = waiting.pop()
         for item in bodies(part(node, "DataItems"), "DataItem"):
             attributes = attributes_in(item)
             if attributes.get("id"):
+                name = word(part(node, "name") or part(node, "id")) or None
+                source = _source(part(item, "Source"))
                 yield data_item(
-                    attributes,
-                    component=tag,
-                    component_name=word(part(node, "name") or part(node, "id")) or None,
-                    source=_source(part(item, "Source")),
-                    device=label,
+                    attributes, component=tag, component_name=name, source=source, device=label
                 )
         inside = [
             (name or element_name(word(part(body, "type"))), body)
@@ -435,5 +414,5 @@ def items_of(device: Node, label: str | None) -> Iterator[DataItem]:
 
 def _source(source: Any) -> str | None:
     if isinstance(source, dict):
-        source = part(source, "value") or part(source, "dataItemId")
+        source = word(part(source, "value")).strip() or part(source, "dataItemId")
     return word(source) or None

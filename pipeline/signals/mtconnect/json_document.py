@@ -84,7 +84,6 @@ def _batches(
                 known = known or understood
                 if reader.rows.read >= RECORDS:
                     yield reader.rows.batch()
-                    reader.rows = Rows()
     if not known:
         raise UnreadableFile("the JSON document is none of MTConnect")
     for line, reason, excerpt in broken:
@@ -104,7 +103,6 @@ class _Reader:
     def __init__(self, selection: Selection) -> None:
         self.rows = Rows()
         self._selection = selection
-        self._place = 0
         self._instance: int | None = None
         self._created: str | None = None
 
@@ -135,9 +133,7 @@ class _Reader:
     def _lone(self, tree: Node) -> Iterator[bool]:
         devices = list(devices_of(tree))
         if devices or "MTConnectDevices" in tree:
-            n = sum(1 for device in devices for _ in items_of(device, None))
-            self.rows.read += n
-            self._place += n
+            self.rows.read += sum(1 for device in devices for _ in items_of(device, None))
         elif "dataItemId" in tree and "timestamp" in tree:
             section = "CONDITION" if "level" in tree else "UNKNOWN"
             self._observation(section, "", tree, "?")
@@ -145,7 +141,6 @@ class _Reader:
             self._asset("", tree)
         elif "category" in tree and "id" in tree:
             self.rows.read += 1
-            self._place += 1
         else:
             yield from self._unknown(tree)
             return
@@ -158,12 +153,11 @@ class _Reader:
     def _reject(self, reason: str, attributes: Any) -> None:
         import orjson
 
-        self._place += 1
         try:
             excerpt = orjson.dumps(attributes)[: 4 * EXCERPT].decode("utf-8", "replace")
         except orjson.JSONEncodeError:  # nested too deeply
             excerpt = ""
-        self.rows.reject(self._place, reason, excerpt)
+        self.rows.reject(self.rows.place, reason, excerpt)
 
     # Streams ------------------------------------------------------------------------------------
 
@@ -185,21 +179,11 @@ class _Reader:
             if not isinstance(body, dict):
                 raise MalformedError("the observation is no JSON object")
             attributes = {k: v for k, v in body.items() if k not in _VALUES and v is not None}
-            timestamp, sequence = (
-                attributes.pop("timestamp", None),
-                attributes.pop("sequence", None),
-            )
+            stamps = (attributes.pop(name, None) for name in ("timestamp", "sequence"))
+            timestamp, sequence = (None if one is None else word(one) for one in stamps)
             tag = tag.rpartition(":")[2] or _tag(section, attributes, body)
             shape = shape_of(section, tag, attributes, device, self._selection.naming)
-            self.rows.record(
-                shape,
-                None if timestamp is None else word(timestamp),
-                None if sequence is None else word(sequence),
-                self._instance,
-                self._place + 1,
-                _value(body),
-            )
-            self._place += 1
+            self.rows.record(shape, timestamp, sequence, self._instance, _value(body))
         except MalformedError as malformed:
             self._reject(str(malformed), body)
 
@@ -213,8 +197,7 @@ class _Reader:
             naming, device = self._selection.naming, word(part(asset, "deviceUuid"))
             shape = asset_shape(device, word(part(asset, "assetId")), {"json": asset}, naming)
             kind = tag or word(part(asset, "type")) or "Asset"
-            self.rows.add(shape, time, self._place + 1, self._instance, kind)
-            self._place += 1
+            self.rows.add(shape, time, self._instance, kind)
         except MalformedError as malformed:
             self._reject(str(malformed), asset)
 

@@ -259,6 +259,8 @@ class Entry:
 
 Value = tuple[str | None, float | None, str | None, bool]
 """Key, number, text and whether it was removed."""
+EMPTY: Value = (None, None, None, False)
+"""Set without entries: from now on nothing of it is available."""
 
 
 def values_of(shape: Shape, time: int, value: Any) -> list[tuple[int, Value]]:
@@ -274,9 +276,12 @@ def values_of(shape: Shape, time: int, value: Any) -> list[tuple[int, Value]]:
     if shape.manner == "series":
         return _series(shape, time, value)
     if isinstance(value, list):
-        return [(time, v) for entry in value for v in _entry_values(entry)] or _empty(time)
+        rows = [(time, v) for entry in value for v in _entry_values(entry)]
+        return rows or [(time, EMPTY)]
     if shape.manner == "set":
-        return _pairs(time, value)
+        if value:
+            raise MalformedError(f"the data set holds the text {value[:60]!r} instead of entries")
+        return [(time, EMPTY)]
     if shape.manner == "text":
         return [(time, (shape.key, None, value, False))]
     return _one_value(shape, time, value)
@@ -293,17 +298,6 @@ def _one_value(shape: Shape, time: int, value: str) -> list[tuple[int, Value]]:
     if shape.manner == "number":
         raise MalformedError(f"the sample's value {value[:60]!r} is no finite number")
     return [(time, (shape.key, None, value, False))]
-
-
-def _empty(time: int) -> list[tuple[int, Value]]:
-    # A set without entries is empty from now on: nothing of it is available.
-    return [(time, (None, None, None, False))]
-
-
-def _pairs(time: int, value: str) -> list[tuple[int, Value]]:
-    if value:
-        raise MalformedError(f"the data set holds the text {value[:60]!r} instead of entries")
-    return _empty(time)
 
 
 def _entry_values(entry: Entry) -> Iterator[Value]:

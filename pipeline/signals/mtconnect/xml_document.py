@@ -158,15 +158,13 @@ class Document(Streams):
             if self._length > LONGEST:
                 raise MalformedError(f"the asset has {self._length} characters")
             time = asset_time(attributes.get("timestamp") or self._created)
-            self.rows.add(shape, time, self.place + 1, self.instance, self._tag)
-            self.place += 1
+            self.rows.add(shape, time, self.instance, self._tag)
         except MalformedError as malformed:
             self.reject(self._began, str(malformed))
 
     def _data_item(self, attributes: dict[str, str]) -> None:
         if attributes.get("id"):
             self.rows.read += 1
-            self.place += 1
         else:
             self.reject(self.at, "the data item has no id")
 

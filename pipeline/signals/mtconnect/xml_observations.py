@@ -111,6 +111,13 @@ class Rows:
     tables: list[pa.Table] = field(default_factory=list)  # what stood before them
     read: int = 0
     rejected: list[Rejection] = field(default_factory=list)
+    before: int = 0
+    """Records of earlier batches."""
+
+    @property
+    def place(self) -> int:
+        """Place in the file of the next record, from 1."""
+        return self.before + self.read + 1
 
     def table(self) -> pa.Table:
         """Table of the rows so far."""
@@ -123,12 +130,15 @@ class Rows:
         self.read += 1
         self.rejected.append(Rejection(line=line, reason=reason, excerpt=excerpt[:EXCERPT]))
 
-    def add(self, shape: Shape, time: int, sequence: int, instance: int | None, value: Any) -> None:
+    def add(
+        self, shape: Shape, time: int, instance: int | None, value: Any, sequence: int | None = None
+    ) -> None:
         """Keep one record: all its rows, or none where the value does not fit the shape.
 
         ``time`` is in nanoseconds since 1970, ``value`` the text or a list of the entries inside
-        it.
+        it; a record without ``sequence`` has its place.
         """
+        sequence = self.place if sequence is None else sequence
         for at, (key, number, text, removed) in values_of(shape, time, value):
             attributes = shape.attributes
             if removed:
@@ -139,20 +149,14 @@ class Rows:
         self.read += 1
 
     def record(
-        self,
-        shape: Shape,
-        timestamp: str | None,
-        sequence: str | None,
-        instance: int | None,
-        place: int,
+        self, shape: Shape, timestamp: str | None, sequence: str | None, instance: int | None,
         value: Any,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Keep one record whose time and sequence are still text."""
         if timestamp is None:
             raise MalformedError("the observation has no timestamp")
-        number = place if sequence is None else sequence_of(sequence)
-        time = nanoseconds(timestamp)
-        self.add(shape, time, number, instance, value)
+        number = None if sequence is None else sequence_of(sequence)
+        self.add(shape, nanoseconds(timestamp), instance, value, number)
 
     def samples(self, waiting: SampleBatch, instance: int | None) -> bool:
         """Keep plain samples together, if each of them is one; else none of them.
@@ -170,9 +174,11 @@ class Rows:
         return True
 
     def batch(self) -> Batch:
-        """Batch of all that was read so far."""
-        kept = self.read - len(self.rejected)
-        return Batch(observations=self.table(), read=self.read, kept=kept, rejected=self.rejected)
+        """Batch of all that was read since the last one."""
+        batch = Batch(observations=self.table(), read=self.read, rejected=self.rejected)
+        self.before += self.read
+        self.rows, self.tables, self.read, self.rejected = [], [], 0, []
+        return batch
 
 
 TOGETHER = 32
@@ -228,12 +234,11 @@ def device_name(attributes: dict[str, str]) -> str:
 
 
 class Streams(XmlEvents):
-    """Fills ``rows`` with observations; ``place`` counts the records of the whole file."""
+    """Fills ``rows`` with observations."""
 
     def __init__(self, content: Content, selection: Selection) -> None:
         super().__init__(content)
         self.rows = Rows()
-        self.place = 0
         self.instance: int | None = None
         self.selection = selection
         self._device = ""
@@ -263,9 +268,7 @@ class Streams(XmlEvents):
     def handed_over(self) -> Batch:
         """Observations since the last batch."""
         self._settle()
-        batch = self.rows.batch()
-        self.rows = Rows()
-        return batch
+        return self.rows.batch()
 
     def between(self) -> None:
         """Read what waits, let go of a text that is too long to keep."""
@@ -282,7 +285,6 @@ class Streams(XmlEvents):
         self._refuse(at, reason)
 
     def _refuse(self, at: int, reason: str) -> None:
-        self.place += 1
         self.rows.reject(self.content.line(at), reason, self.content.excerpt(at))
 
     def start_stream(self, tag: str, attributes: dict[str, str]) -> None:
@@ -395,8 +397,6 @@ class Streams(XmlEvents):
         if len(waiting) < TOGETHER or not self.rows.samples(waiting, self.instance):
             for timestamp, sequence, value, code, at in waiting.each():
                 self._record(at, waiting.known[code], timestamp, sequence, value)
-        else:
-            self.place += len(waiting)
         waiting.flat.clear()
 
     def _record(
@@ -405,8 +405,7 @@ class Streams(XmlEvents):
         if isinstance(value, str):
             value = value.strip(BLANK)
         try:
-            self.rows.record(shape, timestamp, sequence, self.instance, self.place + 1, value)
-            self.place += 1
+            self.rows.record(shape, timestamp, sequence, self.instance, value)
         except MalformedError as malformed:
             self._refuse(at, str(malformed))
 

@@ -156,8 +156,7 @@ class Scanner:
         table = self._table(n, sequence, rows, before)
         self.records += n + done
         self._forget()
-        kept = n + done - len(rejected)
-        return Batch(observations=table, read=n + done, kept=kept, rejected=rejected)
+        return Batch(observations=table, read=n + done, rejected=rejected)
 
     def _table(self, n: int, sequence: Any, odd: list[Row], before: list[int]) -> pa.Table:
         """Rows of the scanner, each of ``odd`` after as many of them as ``before`` says."""

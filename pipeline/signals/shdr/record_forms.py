@@ -15,14 +15,19 @@ Source: MTConnect agent, adapter protocol (README of mtconnect/cppagent, version
 
 import re
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 from pipeline.signals.formats import RecordSource
-from pipeline.signals.mtconnect.devices import is_name, number_of
-
-if TYPE_CHECKING:
-    from pipeline.signals.mtconnect.devices import DataItem, DeviceModel
+from pipeline.signals.mtconnect.devices import (
+    DataItem,
+    DeviceModel,
+    is_name,
+    number_of,
+    read_devices,
+)
+from pipeline.signals.units import mtconnect_factor
 
 MOST_CACHED = 1 << 16
 """Names kept; a log of noise has more and does not fill the memory."""
@@ -48,11 +53,8 @@ class Items:
     """Plans of a source's items; the Devices document is read for the first of them."""
 
     def __init__(self, source: RecordSource, root: Path) -> None:
-        self._source = source
-        self._root = root
+        self._source, self._root = source, root
         self._plans: dict[str, ItemPlan] = {}
-        self._model: DeviceModel | None = None
-        self._loaded = False
 
     def plan(self, key: str) -> ItemPlan:
         """The plan for the item that the log calls ``key``, with or without ``device:``."""
@@ -64,7 +66,7 @@ class Items:
         return plan
 
     def _plan(self, key: str) -> ItemPlan:
-        model = self._load()
+        model = self._model
         if model is None:
             return ItemPlan(key)
         item = model.find(key)
@@ -75,16 +77,14 @@ class Items:
         native = self._source.values == "native" and plan.shape in ("sample", "position", "series")
         return _converted(plan, item) if native else plan
 
-    def _load(self) -> "DeviceModel | None":
-        if not self._loaded and self._source.devices:
-            from pipeline.signals.mtconnect.devices import read_devices
-
-            self._model = read_devices(self._root / self._source.devices, self._source.device)
-        self._loaded = True
-        return self._model
+    @cached_property
+    def _model(self) -> DeviceModel | None:
+        if not self._source.devices:
+            return None
+        return read_devices(self._root / self._source.devices, self._source.device)
 
 
-def _not_one(key: str, model: "DeviceModel") -> str:
+def _not_one(key: str, model: DeviceModel) -> str:
     """Reason why a name that no item of the document bears alone is refused; ``""`` if unknown."""
     called = model.called(key)
     device, colon, _ = key.partition(":")
@@ -100,7 +100,7 @@ def _not_one(key: str, model: "DeviceModel") -> str:
     return ""
 
 
-def _form(item: "DataItem") -> tuple[str, str]:
+def _form(item: DataItem) -> tuple[str, str]:
     category, representation = item.category, item.representation or "VALUE"
     if category == "CONDITION":
         return "CONDITION", "condition"
@@ -119,10 +119,8 @@ def _form(item: "DataItem") -> tuple[str, str]:
     return "EVENT", "word" if is_name(item.type) else "event"
 
 
-def _converted(plan: ItemPlan, item: "DataItem") -> ItemPlan:
+def _converted(plan: ItemPlan, item: DataItem) -> ItemPlan:
     """The plan with factor and offset from native units."""
-    from pipeline.signals.units import mtconnect_factor
-
     units = item.units or item.native_units or ""
     scale = 1.0 if item.native_scale is None else item.native_scale
     try:
@@ -151,7 +149,12 @@ class RecordForm(NamedTuple):
 
     kind: str
     values: list[Value]
-    used: int
+    used: int = 1
+
+
+def _single(kind: str, used: int = 1, **value: Any) -> RecordForm:
+    """A record of one value; nothing for an unavailable one."""
+    return RecordForm(kind, [Value(**value)], used)
 
 
 class RefusedError(ValueError):
@@ -186,27 +189,33 @@ def undeclared(rest: list[str], *, alone: bool) -> RecordForm:
             return series(UNKNOWN, rest)
     if alone and len(rest) == 2 and rest[1]:
         return message(UNKNOWN, rest)
-    if "." in value and len(parts := value.split(None, 3)) == 3:
-        numbers = [number_of(v) for v in parts]
-        if None not in numbers:
-            values = [Value(n, key=k) for n, k in zip(numbers, "XYZ", strict=True)]
-            return RecordForm("UNKNOWN", values, 1)
-    return RecordForm("UNKNOWN", [scalar(value)], 1)
+    if "." in value and (values := _axes(value, UNKNOWN)):
+        return RecordForm("UNKNOWN", values)
+    return event(UNKNOWN, rest)
+
+
+def _axes(text: str, plan: ItemPlan) -> list[Value]:
+    """X, Y and Z of a text of three numbers; none of another one."""
+    numbers = [number_of(v) for v in text.split(None, 3)]
+    if len(numbers) != 3:
+        return []
+    known = zip(numbers, "XYZ", strict=True)
+    values = [Value(_in_units(n, plan), key=k) for n, k in known if n is not None]
+    return values if len(values) == 3 else []
 
 
 def sample(plan: ItemPlan, rest: list[str]) -> RecordForm:
     """``value`` or ``value:RESET``, a number."""
-    text = rest[0]
-    attributes: dict[str, object] = {}
+    text, attributes = rest[0], {}
     if is_unavailable(text):
-        return RecordForm(plan.kind, [Value()], 1)
+        return _single(plan.kind)
     number = number_of(text)
     if number is None and ":" in text:
         text, _, trigger = text.partition(":")
         number, attributes = number_of(text), {"resetTriggered": trigger}
     if number is None:
         raise RefusedError(f"sample {plan.name!r} is {rest[0][:40]!r}, which is no number")
-    return RecordForm(plan.kind, [Value(_in_units(number, plan), attributes=attributes)], 1)
+    return _single(plan.kind, number=_in_units(number, plan), attributes=attributes)
 
 
 def _in_units(number: float, plan: ItemPlan) -> float:
@@ -217,12 +226,12 @@ def _in_units(number: float, plan: ItemPlan) -> float:
 
 def event(plan: ItemPlan, rest: list[str]) -> RecordForm:
     """``value``, a number where it is one."""
-    return RecordForm(plan.kind, [scalar(rest[0])], 1)
+    return RecordForm(plan.kind, [scalar(rest[0])])
 
 
 def word(plan: ItemPlan, rest: list[str]) -> RecordForm:
     """``value``, a name even where it looks like a number."""
-    return RecordForm(plan.kind, [Value() if is_unavailable(rest[0]) else Value(text=rest[0])], 1)
+    return _single(plan.kind, text=None if is_unavailable(rest[0]) else rest[0])
 
 
 def condition(_: ItemPlan, rest: list[str]) -> RecordForm:
@@ -231,27 +240,24 @@ def condition(_: ItemPlan, rest: list[str]) -> RecordForm:
     used = min(5, len(rest))
     level = level.upper()
     if level not in LEVELS:
-        raise RefusedError(
-            f"level {level[:40]!r} of a condition is none of {', '.join(LEVELS)}", used
-        )
+        known = ", ".join(LEVELS)
+        raise RefusedError(f"level {level[:40]!r} of a condition is none of {known}", used)
     code, _colon, condition_id = code.partition(":")
-    attributes: dict[str, object] = {"severity": severity, "qualifier": qualifier, "message": text}
+    attributes = {"severity": severity, "qualifier": qualifier, "message": text}
     if condition_id:
         attributes["nativeCode"] = code
     value = None if level == "UNAVAILABLE" else level
-    return RecordForm(
-        "CONDITION",
-        [Value(text=value, key=condition_id or code or None, attributes=attributes)],
-        used,
-    )
+    key = condition_id or code or None
+    return _single("CONDITION", used, text=value, key=key, attributes=attributes)
 
 
 def message(_: ItemPlan, rest: list[str]) -> RecordForm:
     """Message ``code|text``."""
-    code, text = rest if len(rest) == 2 else (rest + [""])[:2]
+    code, text = (rest + [""])[:2]
+    used = min(2, len(rest))
     if is_unavailable(text) or (not text and is_unavailable(code)):
-        return RecordForm("MESSAGE", [Value()], min(2, len(rest)))
-    return RecordForm("MESSAGE", [Value(text=text, key=code or None)], min(2, len(rest)))
+        return _single("MESSAGE", used)
+    return _single("MESSAGE", used, text=text, key=code or None)
 
 
 def alarm(plan: ItemPlan, rest: list[str]) -> RecordForm:
@@ -259,21 +265,17 @@ def alarm(plan: ItemPlan, rest: list[str]) -> RecordForm:
     code, native, severity, state, text = (rest + [""] * 4)[:5]
     used = min(5, len(rest))
     if is_unavailable(code) or is_unavailable(text):
-        return RecordForm(plan.kind, [Value()], used)
-    attributes: dict[str, object] = {"code": code, "severity": severity, "state": state}
-    return RecordForm(
-        plan.kind, [Value(text=text, key=native or None, attributes=attributes)], used
-    )
+        return _single(plan.kind, used)
+    attributes = {"code": code, "severity": severity, "state": state}
+    return _single(plan.kind, used, text=text, key=native or None, attributes=attributes)
 
 
 def asset_event(plan: ItemPlan, rest: list[str]) -> RecordForm:
     """``asset type|asset id``, or the id alone."""
     if len(rest) == 1 or is_unavailable(rest[0]):
         return word(plan, rest)
-    value = Value(
-        text=None if is_unavailable(rest[1]) else rest[1], attributes={"assetType": rest[0]}
-    )
-    return RecordForm(plan.kind, [value], 2)
+    text = None if is_unavailable(rest[1]) else rest[1]
+    return _single(plan.kind, 2, text=text, attributes={"assetType": rest[0]})
 
 
 def series(plan: ItemPlan, rest: list[str]) -> RecordForm:
@@ -283,7 +285,7 @@ def series(plan: ItemPlan, rest: list[str]) -> RecordForm:
     """
     used = min(3, len(rest))
     if is_unavailable(rest[used - 1]):
-        return RecordForm("TIME_SERIES", [Value()], used)
+        return _single("TIME_SERIES", used)
     if used < 3:
         raise RefusedError(f"time series {plan.name!r} has no count, rate and values", used)
     numbers = [number_of(v) for v in rest[2].split()]
@@ -295,12 +297,7 @@ def series(plan: ItemPlan, rest: list[str]) -> RecordForm:
     step = 1e9 / (rate or plan.rate) if (rate or plan.rate) > 1e-9 else 0.0
     last = len(numbers) - 1
     values = [
-        Value(
-            _in_units(n, plan),
-            key=str(i + 1),
-            attributes=attributes,
-            before=round((last - i) * step),
-        )
+        Value(_in_units(n, plan), None, str(i + 1), attributes, round((last - i) * step))
         for i, n in enumerate(numbers)
         if n is not None
     ]
@@ -310,23 +307,18 @@ def series(plan: ItemPlan, rest: list[str]) -> RecordForm:
 def position(plan: ItemPlan, rest: list[str]) -> RecordForm:
     """Three numbers; the keys are X, Y and Z."""
     if is_unavailable(rest[0]):
-        return RecordForm(plan.kind, [Value()], 1)
-    numbers = [number_of(v) for v in rest[0].split(None, 3)]
-    if len(numbers) != 3 or None in numbers:
+        return _single(plan.kind)
+    values = _axes(rest[0], plan)
+    if not values:
         raise RefusedError(f"{plan.name!r} is {rest[0][:40]!r}, which is not three numbers")
-    values = [
-        Value(_in_units(n, plan), key=k)
-        for n, k in zip(numbers, "XYZ", strict=True)
-        if n is not None
-    ]
-    return RecordForm(plan.kind, values, 1)
+    return RecordForm(plan.kind, values)
 
 
 def data_set(plan: ItemPlan, rest: list[str]) -> RecordForm:
     """``key=value key={a b} removed`` or ``:RESET key=value``; a table's entries hold such too."""
     text = rest[0]
     if is_unavailable(text):
-        return RecordForm(plan.kind, [Value()], 1)
+        return _single(plan.kind)
     attributes: dict[str, object] = {}
     if text.startswith(":"):
         trigger, _, text = text[1:].partition(" ")
@@ -335,9 +327,7 @@ def data_set(plan: ItemPlan, rest: list[str]) -> RecordForm:
         values = _entries(text, attributes, table=plan.kind == "TABLE")
     except ValueError as error:
         raise RefusedError(f"{plan.name!r}: {error}") from None
-    return RecordForm(
-        plan.kind, values or [Value(attributes=attributes)], 1
-    )  # an empty set has nothing
+    return RecordForm(plan.kind, values or [Value(attributes=attributes)])  # an empty set
 
 
 def _entries(text: str, attributes: dict[str, object], *, table: bool) -> list[Value]:
@@ -415,46 +405,26 @@ def asset(command: str, rest: list[str]) -> RecordForm:
 
     ``text`` is the type, ``key`` the id, the document or the changes stand in ``attributes``.
     """
-    attributes: dict[str, object] = {"command": command}
-    name = rest[0] if rest else ""
+    name, n = rest[0] if rest else "", len(rest)
+    said: dict[str, object] = {"command": command}
     if command == "@REMOVE_ALL_ASSETS@":
-        return RecordForm(
-            "ASSET", [Value(attributes=attributes | {"assetType": name})], min(1, len(rest))
-        )
+        return _single("ASSET", min(1, n), attributes=said | {"assetType": name})
     if not name:
-        raise RefusedError(f"{command[:40]} names no asset", min(1, len(rest)))
+        raise RefusedError(f"{command[:40]} names no asset", min(1, n))
     if command == "@REMOVE_ASSET@":
-        return RecordForm("ASSET", [Value(key=name, attributes=attributes)], 1)
-    if command == "@UPDATE_ASSET@" and len(rest) == 2:
-        return RecordForm(
-            "ASSET", [Value(text="", key=name, attributes=attributes | {"xml": rest[1]})], 2
-        )
-    if command == "@UPDATE_ASSET@" and len(rest) % 2:
+        return _single("ASSET", key=name, attributes=said)
+    if command == "@UPDATE_ASSET@" and n == 2:
+        return _single("ASSET", n, text="", key=name, attributes=said | {"xml": rest[1]})
+    if command == "@UPDATE_ASSET@" and n % 2:
         changes = dict(zip(rest[1::2], rest[2::2], strict=True))
-        return RecordForm(
-            "ASSET",
-            [Value(text="", key=name, attributes=attributes | {"changes": changes})],
-            len(rest),
-        )
-    if command == "@ASSET@" and len(rest) > 2:
-        attributes = {"xml": "|".join(rest[2:])}
-        return RecordForm(
-            "ASSET", [Value(text=rest[1], key=name, attributes=attributes)], len(rest)
-        )
-    raise RefusedError(f"{command[:40]!r} with {len(rest)} fields is no command", len(rest))
+        return _single("ASSET", n, text="", key=name, attributes=said | {"changes": changes})
+    if command == "@ASSET@" and n > 2:
+        return _single("ASSET", n, text=rest[1], key=name, attributes={"xml": "|".join(rest[2:])})
+    raise RefusedError(f"{command[:40]!r} with {n} fields is no command", n)
 
 
 FORMS: dict[str, Callable[[ItemPlan, list[str]], RecordForm]] = {
-    "sample": sample,
-    "event": event,
-    "word": word,
-    "condition": condition,
-    "message": message,
-    "alarm": alarm,
-    "asset_event": asset_event,
-    "series": series,
-    "position": position,
-    "data_set": data_set,
-    "table": data_set,
-    "unconvertible": unconvertible,
-}
+    "sample": sample, "event": event, "word": word, "condition": condition, "message": message,
+    "alarm": alarm, "asset_event": asset_event, "series": series, "position": position,
+    "data_set": data_set, "table": data_set, "unconvertible": unconvertible,
+}  # fmt: skip

@@ -46,7 +46,9 @@ def read_parquet(path: Path, source: RecordSource, root: Path) -> Trace:
             table = file.read(columns=needed)
         table.validate(full=True)  # a damaged page may pass the reader and hold no text
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-        raise UnreadableFile(f"the file is no whole Parquet file: {_first(error)}") from error
+        raise UnreadableFile(
+            f"the file is no whole Parquet file: {str(error).partition(chr(10))[0][:200]}"
+        ) from error
     if table.num_columns != len(needed):
         raise UnreadableFile("columns have one name twice, or hold lists: write a flat table")
     units = {f.name: f.metadata[b"unit"].decode("utf-8", "replace")
@@ -58,10 +60,6 @@ def read_parquet(path: Path, source: RecordSource, root: Path) -> Trace:
         left_out=[name for name in schema.names if name not in needed],
     )
     return assemble(raw, layout)
-
-
-def _first(error: Exception) -> str:
-    return (str(error).splitlines() or [""])[0][:200]
 
 
 def read_wav(path: Path, source: RecordSource, root: Path) -> Trace:

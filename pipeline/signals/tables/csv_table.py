@@ -81,10 +81,16 @@ class Lines:
         return (self[number] for number in range(len(self)))
 
 
-def text_of(data: bytes, encoding: str) -> bytes:
-    r"""A file's bytes as UTF-8 text with ``\n`` line ends; gzip is unpacked."""
+def text_of(data: bytes, encoding: str) -> tuple[bytes, str]:
+    r"""A file's bytes as UTF-8 text with ``\n`` line ends, and the damage of a gzip stream.
+
+    Of a damaged one the whole lines before the damage are kept.
+    """
+    damage: list[str] = []
     if data.startswith(GZIP_MAGIC):
-        data = _unpacked(data)
+        data = b"".join(gunzip(iter([data]), _BLOCK, damage.append))
+        if damage and not (data := data[: data.rfind(b"\n") + 1]):
+            raise UnreadableFile(f"{damage[0]}: copy the file again")
     if kind := foreign(data):
         raise UnreadableFile(f"the file is {kind}")
     encoding = next((name for mark, name in _MARKS if data.startswith(mark)), encoding)
@@ -103,15 +109,7 @@ def text_of(data: bytes, encoding: str) -> bytes:
     if "\0" in text[:_HEAD]:
         raise UnreadableFile("the file is binary, not text (or its encoding is 'utf-16-le')")
     body = text.removeprefix("\ufeff").encode("utf-8", "replace")
-    return body.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-
-
-def _unpacked(data: bytes) -> bytes:
-    reasons: list[str] = []
-    text = b"".join(gunzip(iter([data]), _BLOCK, reasons.append))
-    if reasons:
-        raise UnreadableFile(f"{reasons[0]}: copy the file again")
-    return text
+    return body.replace(b"\r\n", b"\n").replace(b"\r", b"\n"), "".join(damage)
 
 
 def cells_of(line: str, delimiter: str) -> list[str]:
@@ -244,13 +242,16 @@ CellRows = tuple[dict[str, pa.ChunkedArray], Ints, list[Rejection]]
 def read(path: Path, source: RecordSource, root: Path) -> Trace:
     """Trace of a text table, packed with gzip or not."""
     layout = layout_of(source)
-    body = text_of(path.read_bytes(), layout.encoding)
+    body, damage = text_of(path.read_bytes(), layout.encoding)
     lines, dialect = _laid_out(body, layout)
     needed = columns_to_read(layout, dialect.names)
     columns, numbers, rejected = rows_of(lines, dialect, needed, layout)
     broken = _broken(lines, dialect, numbers, rejected, layout.decimal)
     if cut := _cut(lines, dialect):
         broken[len(lines)] = cut
+    if damage:
+        reason = f"{damage}: copy the file again"
+        rejected = [*rejected, Rejection(line=len(lines) + 1, reason=reason)]
     if broken:
         keep = ~np.isin(numbers, list(broken))
         rejected = [*rejected, *(broken[int(number)] for number in numbers[~keep])]

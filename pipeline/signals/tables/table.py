@@ -302,8 +302,7 @@ def assemble(raw: RawTable, layout: TableLayout) -> Trace:
     if faults := recorder_faults(table):
         notes["faults"] = [asdict(one) for one in faults]
     table = table.replace_schema_metadata({"notes": json.dumps(notes, sort_keys=True)})
-    kept = table.num_rows
-    return Trace(table=table, read=kept + len(rejected), kept=kept, rejected=rejected)
+    return Trace(table=table, rejected=rejected)
 
 
 def _time(raw: RawTable, layout: TableLayout, reasons: dict[int, str]) -> tuple[pa.Field, pa.Array]:
