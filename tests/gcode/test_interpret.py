@@ -11,31 +11,16 @@ from pipeline.gcode.dialects.statement_parser import (
 )
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.interpret import interpret, interpret_in_parts
-from pipeline.gcode.moves import INCH, FeedMode, Kind, PathMode
+from pipeline.gcode.moves import FeedMode, Kind, PathMode
 from pipeline.gcode.program import output_lines, parse_program
 from pipeline.gcode.setup import Setup, Tool
 from tests.gcode.following import MOVING, follow, kinds, points, refusal
-
-
-def test_an_empty_program_has_no_moves():
-    moves = follow("")
-    assert len(moves) == 0
-    assert moves.files == ("P",)
 
 
 def test_motion_starts_at_the_initial_position():
     moves = follow("G91 G0 X1", initial_position=(5.0, 6.0, 7.0, 0, 0, 8.0))
     assert moves.origin.tolist() == [5, 6, 7, 0, 0, 8]
     assert moves.end.tolist() == [[6, 6, 7, 0, 0, 8]]
-
-
-def test_calculator_and_increment_input():
-    assert points(follow("G0 X10 Y10.")) == [[10, 10, 0]]
-    assert points(follow("G0 X10 Y10.", decimal="increment")) == [[0.01, 10, 0]]
-    assert points(follow("G20 G0 X10000", decimal="increment")) == [[INCH, 0, 0]]
-    assert points(follow("#1=10\nG0 X#1", decimal="increment")) == [[10, 0, 0]]
-    moves = follow("G1 X100000 F200", decimal="increment")
-    assert moves.feed.tolist() == [200]
 
 
 def test_g93_g94_g95_say_what_f_means():
@@ -117,14 +102,6 @@ def test_linuxcnc_runs_through_straight_joints_under_g61_and_drills_so():
     modes = moves.path_mode[np.isin(moves.kind, MOVING)].tolist()
     exact, stop, on = PathMode.EXACT_PATH, PathMode.EXACT_STOP, PathMode.CONTINUOUS
     assert modes == [exact, stop, on, exact, exact, exact, exact, on]
-
-
-def test_look_ahead_codes_move_nothing():
-    assert kinds(follow("G8 P1\nG5.1 Q1\nG5 P10000\nF9 G1 X1\nG8 P0")) == ["FEED"]
-
-
-def test_g31_is_a_probe():
-    assert kinds(follow("F9 G31 Z-5\nG0 X1")) == ["PROBE", "RAPID"]
 
 
 def test_dwell_between_two_compensated_moves_stays_where_the_tool_is():
@@ -219,36 +196,6 @@ def test_no_program_does_anything_but_be_read_or_refused(text, dialect):
         assert np.isfinite(moves.end).all()
 
 
-@pytest.mark.parametrize("words", ["M96 P5", "M200 P5", "M97 P5"])
-def test_an_m_code_that_may_call_a_program_is_not_passed_over(words):
-    assert words.split()[0] in refusal(f"G21\n{words}\nM30")
-
-
-@pytest.mark.parametrize(("words", "said"), [
-    ("G12 I5 D1", "circular pockets"),
-    ("G13 I5 D1", "circular pockets"),
-    ("G150 P5 X0", "pocket milling"),
-])  # fmt: skip
-def test_pockets_of_a_haas_are_refused_by_name(words, said):
-    assert said in refusal(f"F100\n{words}")
-
-
-@pytest.mark.parametrize(
-    "words", ["G103 P1", "G187 P2 E0.1", "POPEN", "DPRNT[X#1[53]]", "SETVN100[A]"]
-)
-def test_words_that_move_nothing_are_passed_over(words):
-    assert points(follow(f"G0 X1\n{words}\nG0 X2")) == [[1, 0, 0], [2, 0, 0]]
-
-
-@pytest.mark.parametrize(("text", "kind"), [
-    ("0 BEGIN PGM A MM\n1 L X+1 R0 FMAX\n", "conversational"),
-    ("%A G71 *\nN10 G00 X+10 *\n", "ISO"),
-])  # fmt: skip
-def test_heidenhain_is_called_so(text, kind):
-    with pytest.raises(GcodeError, match=f"this is a Heidenhain {kind} program"):
-        interpret(parse_program(text.encode(), "P"), Setup())
-
-
 def test_words_that_are_passed_over_are_told():
     found = output_lines(b"G0 X1\nN20 POPEN\n/ DPRNT[X]\n(DPRNT)\nDPRNT[Y]\n")
     assert found == {"POPEN": [2], "DPRNT": [3, 5]}
@@ -284,20 +231,6 @@ def test_corners_follow_each_other_in_any_plane_and_at_any_angle():
     np.testing.assert_allclose(np.linalg.norm(moves.end[4] - moves.end[3]), 4 * np.cos(np.pi / 8))
 
 
-@pytest.mark.parametrize(("text", "said"), [
-    ("F100\nG1 X10,R20\nY5", "takes 20 mm of lines of 10 and 5 mm"),
-    ("F100\nG1 X10,R2\nX20", "two lines that meet at an angle"),
-    ("F100\nG1 X10,R2\nG2 X20 Y10 I10", "has to be a straight line"),
-    ("F100\nG1 X10,R2\nG4 P100", "has to be a straight line"),
-    ("F100\nG1 X10,R2", "has to be a straight line"),
-    ("F100\nG1 X10,R2\nY10 Z1", "in the plane"),
-    ("F100\nG1 X10,C0\nY10", "give more than 0"),
-    ("F100\nG51 X0 Y0 Z0 P2\nG1 X10,C1\nY10", "under G51"),
-])  # fmt: skip
-def test_a_corner_that_cannot_be_made_is_said(text, said):
-    assert said in refusal(text)
-
-
 IN_PARTS = (
     "O1\nF100 G0 X0 Y0 Z5\nG1 X10 ,R2.\nY10\nX0\nG81 X1 Z-5 R2\nX2\nG80\nM98 P20002\nT1 M6\n"
     "G41 D1 G1 X20\nY20\nG3 X10 Y30 I-10\nG40 G1 X0\nG54 G0 X1\nG9 G1 X3\nG52 X5\nX1\nM30\n"
@@ -326,11 +259,6 @@ def test_s_beside_g92_or_g50_limits_the_speed_and_sets_none(code):
     assert kinds(moves) == ["SPINDLE", "FEED"]
     assert moves.speed.tolist() == [100, 100]
     assert points(follow("G0 X5\nG92 X0 S3000\nG0 X1")) == [[5, 0, 0], [6, 0, 0]]
-
-
-def test_m19_takes_its_angle_and_moves_nothing():
-    moves = follow("F100 G2 X2 I1\nM19 R90")
-    assert kinds(moves) == ["ARC", "SPINDLE"]
 
 
 @pytest.mark.parametrize("dialect", ["fanuc", "siemens"])

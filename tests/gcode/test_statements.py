@@ -19,7 +19,7 @@ from pipeline.gcode.statements import (
     Unary,
     WordItem,
 )
-from tests.gcode.following import BYTES, PROGRAM, RECORDINGS, fuzzed, long_in_proof, recorded, short
+from tests.gcode.following import BYTES, PROGRAM, RECORDINGS, fuzzed, recorded, short
 
 LINUXCNC = recorded("gcode/linuxcnc/**/*.ngc")
 FANUC = recorded("gcode/nist_d2mi/*.NC", "nist_box/programs/*.NC")
@@ -67,31 +67,6 @@ def test_a_comment_ends_a_number() -> None:
 
 
 @pytest.mark.parametrize(("text", "control"), [
-    ("GOTO 100", Control("goto", one(100.0), 1)),
-    ("N5 GOTO#1", Control("goto", Parameter(one(1.0)), 4)),
-    (
-        "IF [#1 EQ 0] GOTO 9",
-        Control("if_goto", one(9.0), 1, Binary("EQ", Parameter(one(1.0)), one(0.0))),
-    ),
-    (
-        "IF[#1]THEN#2=3",
-        Control(
-            "if_then", None, 1, Parameter(one(1.0)),
-            then=(Assignment(Parameter(one(2.0)), one(3.0), 11),),
-        ),
-    ),
-    ("WHILE [#1] DO 2", Control("while_do", one(2.0), 1, Parameter(one(1.0)))),
-    ("DO3", Control("do", one(3.0), 1)),
-    ("END 3", Control("end", one(3.0), 1)),
-    ("O0012(NAME)", Control("program", "12", 1)),
-    (":12", Control("program", "12", 1)),
-    ("O<PART>", Control("program", "part", 1)),
-])  # fmt: skip
-def test_control_of_macro_b(text: str, control: Control) -> None:
-    assert parse(text).control == control
-
-
-@pytest.mark.parametrize(("text", "control"), [
     ("o0100 SUB", Control("sub", "100", 1)),
     ("n1 o<My Sub> sub ; x", Control("sub", "mysub", 4)),
     ("o100 endsub [1]", Control("endsub", "100", 1, one(1.0))),
@@ -116,7 +91,8 @@ def test_control_of_linuxcnc(text: str, control: Control) -> None:
     assert parse(text, "linuxcnc").control == control
 
 
-def test_assignments() -> None:
+def test_assignments_and_the_number_of_a_program() -> None:
+    assert parse(":12").control == parse("O0012(NAME)").control == Control("program", "12", 1)
     assert parse("#1=#2+1").assignments == (
         Assignment(Parameter(one(1.0)), Binary("+", Parameter(one(2.0)), one(1.0)), 1),
     )
@@ -161,7 +137,8 @@ def test_what_cannot_be_understood(dialect: str, text: str, told: str) -> None:
 
 
 @pytest.mark.skipif(RECORDINGS is None, reason="KERF_RECORDINGS names no folder")
-@pytest.mark.parametrize("path", long_in_proof(LINUXCNC + FANUC), ids=short)
+@pytest.mark.proof
+@pytest.mark.parametrize("path", LINUXCNC + FANUC, ids=short)
 def test_recorded_programs_are_understood(path: Path) -> None:
     program = read_program(path)
     told = []
