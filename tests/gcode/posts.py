@@ -837,22 +837,8 @@ def skipped(job: Job) -> None:
     job.go(True, np.array([99.0, 99.0, job.point[2]]))
 
 
-COMMON = (
-    lines,
-    lines,
-    arc,
-    arc,
-    local,
-    macro,
-    pocket,
-    pause,
-    home,
-    inverse_time,
-    outline,
-    turned,
-    skipped,
-    tool,
-)
+COMMON = (lines, lines, arc, arc, local, macro, pocket, pause, home, inverse_time, outline, turned,
+          skipped, tool)  # fmt: skip
 OF_FANUC = (*COMMON, holes, holes, subprogram, modal_macro, nested, rotated, scaled, written_offset)
 OPERATIONS: dict[str, Sequence[Callable[[Job], None]]] = {
     "fanuc": (*OF_FANUC, added_rotation, polar, corner), "haas": OF_FANUC,

@@ -95,6 +95,7 @@ RULES = {
     "G92 names the point where the tool stands": (end, {}, [
         ("G0 X10\nG92 X3\nG0 X4", [11, 0, 0]), ("G0 X10\nG92 X3\nG55 G0 X4", [11, 0, 0]),
         ("G0 X10\nG92 X3\nG92.1 X0\nG0 X4", [4, 0, 0]),
+        ("G0 X5\nG92 X0 S3000\nG0 X1", [6, 0, 0]),
     ]),
     "G43 and G44 move by the length": (end, TOOLS, [
         ("G43 H1 G0 Z5", [0, 0, 55]), ("G44 H1 G0 Z5", [0, 0, -45]),

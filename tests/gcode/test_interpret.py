@@ -11,10 +11,10 @@ from pipeline.gcode.dialects.statement_parser import (
 )
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.interpret import interpret, interpret_in_parts
-from pipeline.gcode.moves import FeedMode, Kind, PathMode
+from pipeline.gcode.moves import FeedMode, PathMode
 from pipeline.gcode.program import output_lines, parse_program
 from pipeline.gcode.setup import Setup, Tool
-from tests.gcode.following import MOVING, follow, kinds, points, refusal
+from tests.gcode.following import follow, kinds, refusal
 
 
 def test_motion_starts_at_the_initial_position():
@@ -23,92 +23,68 @@ def test_motion_starts_at_the_initial_position():
     assert moves.end.tolist() == [[6, 6, 7, 0, 0, 8]]
 
 
-def test_g93_g94_g95_say_what_f_means():
-    moves = follow("M3 S100\nG1 X1 F60\nG93 X2 F4\nX3 F5\nG95 X4 F0.2\nG94 X5 F70")
-    rows = moves.kind == Kind.FEED
-    assert moves.feed[rows].tolist() == [60, 4, 5, 0.2, 70]
-    assert [FeedMode(mode).name for mode in moves.feed_mode[rows]] == [
-        "PER_MINUTE", "INVERSE_TIME", "INVERSE_TIME", "PER_REVOLUTION", "PER_MINUTE",
-    ]  # fmt: skip
+CUTTER = {"tools": {1: Tool(diameter=2.0)}}
+LINUXCNC = {"dialect": "linuxcnc", "tools": {1: Tool()}}
+STOP, PATH, ON = PathMode.EXACT_STOP, PathMode.EXACT_PATH, PathMode.CONTINUOUS
+MINUTE, INVERSE, TURN = FeedMode.PER_MINUTE, FeedMode.INVERSE_TIME, FeedMode.PER_REVOLUTION
+COLUMNS = {
+    "G93, G94, G95 say what F means": (
+        "M3 S100\nG1 X1 F60\nG93 X2 F4\nX3 F5\nG95 X4 F0.2\nG94 X5 F70", {},
+        {"feed": [0, 60, 4, 5, 0.2, 70],
+         "feed_mode": [MINUTE, MINUTE, INVERSE, INVERSE, TURN, MINUTE]}),
+    "F counts inches, but degrees where only a table turns": (
+        "G20 G1 X1 F10\nA90\nX2 A0", {}, {"feed": [254, 10, 254]}),
+    "F of an inverse time has no length": ("G20 G93 G1 X1 F10", {}, {"feed": [10]}),
+    "the spindle has rows of its own": (
+        "S500\nM3\nS600\nG0 X1\nM4\nM5\nS700\nM19", {},
+        {"kinds": "SPINDLE SPINDLE RAPID SPINDLE SPINDLE SPINDLE",
+         "speed": [500, 600, 600, 600, 0, 0], "direction": [1, 1, 1, -1, 0, 0]}),
+    "surface speed counts metres": (
+        "G96 S200 M3\nG97 S900", {},
+        {"speed": [200, 900], "constant_surface_speed": [True, False]}),
+    "surface speed counts feet": ("G20 G96 S1000 M3", {}, {"speed": [304.8]}),
+    "S beside G92 limits the speed": (
+        "G96 S100 M3\nG92 S3000\nG1 X1 F1", {}, {"kinds": "SPINDLE FEED", "speed": [100, 100]}),
+    "S beside G50 limits the speed": (
+        "G96 S100 M3\nG50 S3000\nG1 X1 F1", {}, {"kinds": "SPINDLE FEED", "speed": [100, 100]}),
+    "M3 starts before the motion and M5 stops after it": (
+        "S9 F9\nG1 X1 M3\nG1 X2 M5", {},
+        {"kinds": "SPINDLE FEED FEED SPINDLE", "direction": [1, 1, 1, 0]}),
+    "T waits for M6, after the motion on a Fanuc": (
+        "T3\nG91 G28 Z0 M6\nT4\nG0 X1", {},
+        {"kinds": "RAPID RAPID TOOL_CHANGE RAPID", "tool": [-1, -1, 3, 3]}),
+    "before it in LinuxCNC": ("G0 X1 T1 M6", LINUXCNC, {"kinds": "TOOL_CHANGE RAPID"}),
+    "M codes": (
+        "M8\nM0\nM1\nM51 P2\nM9 M30\nG0 X1", {"plain_m_codes": (51,)},
+        {"kinds": "M_CODE STOP STOP M_CODE M_CODE END", "code": [8, 0, 1, 51, 9, 0],
+         "value": [0, 0, 0, 2, 0, 0]}),
+    "G9 holds in its block, G61 and G64 hold on": (
+        "F9 G1 X1\nG9 X2\nG61 X3\nX4\nG64 X5\nG64 P0.02 X6", {},
+        {"path_mode": [ON, STOP, STOP, STOP, ON, ON], "tolerance": [0, 0, 0, 0, 0, 0.02]}),
+    "LinuxCNC runs through straight joints under G61 and drills so": (
+        "F9 G61 G1 X1\nG61.1 X2\nG64 X3\nG81 X4 Z-1 R1\nG80\nG1 X5", LINUXCNC,
+        {"path_mode": [PATH, STOP, ON, PATH, PATH, PATH, PATH, ON]}),
+    "a dwell between two compensated moves stays where the tool is": (
+        "F9 G41 D1 G1 X5 Y5\nX20\nG4 P100\nX30\nG40 Y9", CUTTER,
+        {"kinds": "FEED FEED DWELL FEED FEED",
+         "end": [[x, y, 0, 0, 0, 0] for x, y in ((5, 6), (20, 6), (20, 6), (30, 6), (30, 9))]}),
+    **{f"{text} of {dialect}": (text, {"dialect": dialect}, {"kinds": "DWELL", "value": [seconds]})
+       for text, dialect, seconds in (
+           ("G4 P500", "fanuc", 0.5), ("G4 P1.5", "fanuc", 1.5), ("G4 X2.", "fanuc", 2),
+           ("G4 U2", "fanuc", 2), ("G4 P1.5", "linuxcnc", 1.5), ("G4 F3", "siemens", 3))},
+}  # fmt: skip
+"""Rule -> program, choices of the setup, columns of its moves."""
 
 
-def test_f_counts_inches_but_degrees_where_only_a_table_turns():
-    moves = follow("G20 G1 X1 F10\nA90\nX2 A0")
-    assert moves.feed.tolist() == [254, 10, 254]
-    moves = follow("G20 G93 G1 X1 F10")
-    assert moves.feed.tolist() == [10]
-
-
-def test_spindle_rows():
-    moves = follow("S500\nM3\nS600\nG0 X1\nM4\nM5\nS700\nM19")
-    rows = moves.kind == Kind.SPINDLE
-    assert moves.speed[rows].tolist() == [500, 600, 600, 0, 0]
-    assert moves.direction[rows].tolist() == [1, 1, -1, 0, 0]
-    assert moves.speed[moves.kind == Kind.RAPID].tolist() == [600]
-
-
-def test_surface_speed_counts_metres_and_feet():
-    moves = follow("G96 S200 M3\nG97 S900")
-    assert moves.constant_surface_speed.tolist() == [True, False]
-    assert moves.speed.tolist() == [200, 900]
-    assert follow("G20 G96 S1000 M3").speed.tolist() == [pytest.approx(304.8)]
-
-
-def test_m3_starts_before_the_motion_and_m5_stops_after_it():
-    moves = follow("S9 F9\nG1 X1 M3\nG1 X2 M5")
-    assert kinds(moves) == ["SPINDLE", "FEED", "FEED", "SPINDLE"]
-    assert moves.direction.tolist() == [1, 1, 1, 0]
-
-
-def test_t_waits_for_m6_which_comes_after_the_motion_on_a_fanuc():
-    moves = follow("T3\nG91 G28 Z0 M6\nT4\nG0 X1")
-    assert kinds(moves)[-2:] == ["TOOL_CHANGE", "RAPID"]
-    assert moves.tool.tolist() == [-1, -1, 3, 3]
-    moves = follow("G0 X1 T1 M6", dialect="linuxcnc", tools={1: Tool()})
-    assert kinds(moves) == ["TOOL_CHANGE", "RAPID"]
-
-
-def test_m_codes():
-    moves = follow("M8\nM0\nM1\nM51 P2\nM9 M30\nG0 X1", plain_m_codes=(51,))
-    assert kinds(moves) == ["M_CODE", "STOP", "STOP", "M_CODE", "M_CODE", "END"]
-    assert moves.code.tolist()[:1] + moves.code.tolist()[3:5] == [8, 51, 9]
-    assert moves.value[3] == 2
-
-
-@pytest.mark.parametrize(("text", "dialect", "seconds"), [
-    ("G4 P500", "fanuc", 0.5),
-    ("G4 P1.5", "fanuc", 1.5),
-    ("G4 X2.", "fanuc", 2),
-    ("G4 U2", "fanuc", 2),
-    ("G4 P1.5", "linuxcnc", 1.5),
-    ("G4 F3", "siemens", 3),
-])  # fmt: skip
-def test_dwells(text, dialect, seconds):
-    moves = follow(text, dialect=dialect)
-    assert (moves.kind.tolist(), moves.value.tolist()) == ([Kind.DWELL], [seconds])
-
-
-def test_path_modes():
-    moves = follow("F9 G1 X1\nG9 X2\nG61 X3\nX4\nG64 X5\nG64 P0.02 X6", dialect="fanuc")
-    assert moves.path_mode.tolist() == [
-        PathMode.CONTINUOUS, PathMode.EXACT_STOP, PathMode.EXACT_STOP, PathMode.EXACT_STOP,
-        PathMode.CONTINUOUS, PathMode.CONTINUOUS,
-    ]  # fmt: skip
-    assert moves.tolerance.tolist() == [0, 0, 0, 0, 0, 0.02]
-
-
-def test_linuxcnc_runs_through_straight_joints_under_g61_and_drills_so():
-    moves = follow("F9 G61 G1 X1\nG61.1 X2\nG64 X3\nG81 X4 Z-1 R1\nG80\nG1 X5", dialect="linuxcnc")
-    modes = moves.path_mode[np.isin(moves.kind, MOVING)].tolist()
-    exact, stop, on = PathMode.EXACT_PATH, PathMode.EXACT_STOP, PathMode.CONTINUOUS
-    assert modes == [exact, stop, on, exact, exact, exact, exact, on]
-
-
-def test_dwell_between_two_compensated_moves_stays_where_the_tool_is():
-    moves = follow("F9 G41 D1 G1 X5 Y5\nX20\nG4 P100\nX30\nG40 Y9", tools={1: Tool(diameter=2.0)})
-    row = int(np.flatnonzero(moves.kind == Kind.DWELL)[0])
-    assert moves.end[row].tolist() == moves.end[row - 1].tolist()
-    assert moves.end[row, 1] == pytest.approx(6)
+@pytest.mark.parametrize("rule", COLUMNS)
+def test_columns_are_those_of_the_rule(rule):
+    text, choices, columns = COLUMNS[rule]
+    moves = follow(text, **choices)
+    for name, expected in columns.items():
+        if name == "kinds":
+            assert " ".join(kinds(moves)) == expected
+        else:
+            np.testing.assert_allclose(getattr(moves, name), expected, rtol=1e-15, err_msg=name)
 
 
 def test_a_contour_that_does_not_fit_names_its_line():
@@ -251,14 +227,6 @@ def test_parts_of_a_program_are_its_moves(rows):
     np.testing.assert_array_equal(starts, whole.start)
     assert (parts[-1].frames, parts[-1].files) == (whole.frames, whole.files)
     assert parts[-1].cutter_radii == whole.cutter_radii
-
-
-@pytest.mark.parametrize("code", ["G92", "G50"])
-def test_s_beside_g92_or_g50_limits_the_speed_and_sets_none(code):
-    moves = follow(f"G96 S100 M3\n{code} S3000\nG1 X1 F1")
-    assert kinds(moves) == ["SPINDLE", "FEED"]
-    assert moves.speed.tolist() == [100, 100]
-    assert points(follow("G0 X5\nG92 X0 S3000\nG0 X1")) == [[5, 0, 0], [6, 0, 0]]
 
 
 @pytest.mark.parametrize("dialect", ["fanuc", "siemens"])
