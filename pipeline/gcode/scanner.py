@@ -243,11 +243,9 @@ BLANK, WORD, VALUED, LONE, MACRO, COMMENT, REMARK, SKIP, PERCENT, LINE_END, OTHE
 
 @compiled
 def scan(
-    data: Bytes,
-    kind: npt.NDArray[np.uint8],
-    start: npt.NDArray[np.int32],
+    data: Bytes, kind: npt.NDArray[np.uint8], start: npt.NDArray[np.int32],
     first_token: npt.NDArray[np.int32],
-) -> tuple[int, int]:
+) -> tuple[int, int]:  # fmt: skip
     """Write the tokens of ``data``; their number and that of the lines.
 
     The arrays hold one element for each byte, and one more.
