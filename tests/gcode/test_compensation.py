@@ -71,13 +71,10 @@ def turns(elements):
 def mirrored(element):
     centre = element.centre
     return Element(
-        start=element.start.conjugate(),
-        end=element.end.conjugate(),
-        normal=element.normal,
-        row=element.row,
-        centre=None if centre is None else centre.conjugate(),
+        start=element.start.conjugate(), end=element.end.conjugate(), normal=element.normal,
+        row=element.row, centre=None if centre is None else centre.conjugate(),
         angle=-element.angle,
-    )
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("dialect", RULES)

@@ -7,12 +7,12 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.gcode.dialects.expression_parser import Cursor, ExpressionParser
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.statements import ExpressionError, evaluate
+from tests.gcode.following import fuzzed
 
 RS274 = shutil.which("rs274")
 FIXED: dict[int | str, float] = {1: 2.0, 2: -0.5, 3: 4.0, 4: 1.0, 7: math.inf, "gap": 0.25}
@@ -147,11 +147,12 @@ STEPS = [f" {w} " for w in ("mod", "eq", "ne", "gt", "ge", "lt", "le", "and", "o
 
 
 @pytest.mark.skipif(RS274 is None, reason="rs274 of LinuxCNC is not installed")
-def test_values_are_those_of_linuxcnc(tmp_path: Path) -> None:
+@pytest.mark.parametrize("many", [400, pytest.param(4000, marks=pytest.mark.proof)])
+def test_values_are_those_of_linuxcnc(tmp_path: Path, many: int) -> None:
     rng = random.Random(7)
     texts: list[str] = []
     ours: list[float] = []
-    while len(texts) < 1500:
+    while len(texts) < many:
         text = written(rng, rng.randrange(1, 5))
         try:
             found = value(text, "linuxcnc")
@@ -185,8 +186,7 @@ TREE = st.recursive(
 )
 
 
-@settings(max_examples=500, deadline=None)
-@given(TREE, st.sampled_from(["fanuc", "linuxcnc"]))
+@fuzzed(TREE, st.sampled_from(["fanuc", "linuxcnc"]))
 def test_sums_and_products_are_pythons(text: str, dialect: str) -> None:
     python = eval(text.replace("[", "(").replace("]", ")"))
     found = value(text, dialect)

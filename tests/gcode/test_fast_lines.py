@@ -47,12 +47,9 @@ def assert_equal_both_ways(program: Program, setup: Setup) -> Interpreter:
 def test_recorded_programs_are_the_same_bits(path: Path) -> None:
     dialect = "linuxcnc" if path in LINUXCNC else "fanuc"
     setup = Setup(
-        dialect=dialect,
-        tools=TOOLS,
-        work_offsets=OFFSETS,
-        folders=(path.parent,),
+        dialect=dialect, tools=TOOLS, work_offsets=OFFSETS, folders=(path.parent,),
         block_limit=30_000,
-    )
+    )  # fmt: skip
     interpreter = assert_equal_both_ways(read_program(path), setup)
     if path in FANUC:
         assert interpreter.run.rows.count > 100  # so that there was something to compare
@@ -116,14 +113,11 @@ TEXT = st.lists(LINE, max_size=12).map(
     lambda lines: "\n".join(["F500G1", *ASSIGNED, *lines]).encode()
 )
 SETUPS = st.builds(
-    Setup,
-    dialect=st.sampled_from(["fanuc", "linuxcnc"]),
-    decimal=st.sampled_from(["calculator", "calculator", "increment"]),
-    inch=st.booleans(),
-    tools=st.just(TOOLS),
-    work_offsets=st.sampled_from([{}, OFFSETS]),
+    Setup, dialect=st.sampled_from(["fanuc", "linuxcnc"]),
+    decimal=st.sampled_from(["calculator", "calculator", "increment"]), inch=st.booleans(),
+    tools=st.just(TOOLS), work_offsets=st.sampled_from([{}, OFFSETS]),
     arc_tolerance=st.sampled_from([0.05, 5.0]),
-)
+)  # fmt: skip
 
 
 @fuzzed(TEXT, SETUPS)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.gcode.dialects.statement_parser import (
@@ -14,7 +14,7 @@ from pipeline.gcode.interpret import interpret, interpret_in_parts
 from pipeline.gcode.moves import FeedMode, PathMode
 from pipeline.gcode.program import output_lines, parse_program
 from pipeline.gcode.setup import Setup, Tool
-from tests.gcode.following import follow, kinds, refusal
+from tests.gcode.following import follow, fuzzed, kinds, refusal
 
 
 def test_motion_starts_at_the_initial_position():
@@ -156,8 +156,7 @@ REPEAT ENDREPEAT BREAK O1 O<a> _X=1 TRAORI CYCLE81( MSG("a") AC( CR= \x00 ÿ
 PIECES = st.sampled_from([*CODE.split(), "\n", "\r"])
 
 
-@settings(max_examples=400, deadline=None)
-@given(
+@fuzzed(
     st.lists(PIECES | st.just("\n"), max_size=40).map(" ".join),
     st.sampled_from(["fanuc", "linuxcnc", "siemens"]),
 )
