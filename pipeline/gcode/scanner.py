@@ -340,23 +340,15 @@ def word(data: Bytes, at: int, behind: int) -> tuple[int, int]:
     if end > begin:
         return WORD, end
     c = data[begin]
-    if is_letter(c):
-        return lettered(data, at, begin)
+    if is_letter(c):  # a function's value, or a name that makes the rest of the line macro
+        end = function_end(data, begin)
+        return (VALUED, end) if end > begin else (MACRO, code_end(data, at))
     if c == EQUALS or (c == LESS and data[at] & 0xDF == LETTER_O):
         return MACRO, code_end(data, at)
     end = value_end(data, begin)
     if end > begin:
         return VALUED, end
     return LONE, behind
-
-
-@compiled
-def lettered(data: Bytes, at: int, begin: int) -> tuple[int, int]:
-    """Letters in a row: a function's value, or a name that makes the rest of the line macro."""
-    end = function_end(data, begin)
-    if end > begin:
-        return VALUED, end
-    return MACRO, code_end(data, at)
 
 
 @compiled

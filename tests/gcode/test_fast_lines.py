@@ -141,15 +141,6 @@ def test_expressions_are_the_same_bits(text: str) -> None:
     assert_equal_both_ways(program, Setup(dialect="linuxcnc"))
 
 
-@pytest.mark.parametrize(
-    "text", ["X[#1]", "X[1/0]", "X#2", "X[#<none>]", "X[SIN[1]]", "X[2**3]", "X##1", "X#<_line>"]
-)
-def test_what_is_no_simple_expression_is_left_to_the_interpreter(text: str) -> None:
-    interpreter = Interpreter(parse_program(f"G1 F100\n{text}".encode(), "test"), Setup())
-    interpreter._step()
-    assert interpreter.blocks == 1
-
-
 @pytest.mark.parametrize("dialect", ["fanuc", "linuxcnc"])
 def test_fast_lines_with_expressions_are_done_at_once(dialect: str) -> None:
     lines = ["#1=2", "G1 X[#1*2] F#1", "Y#1", "N5 G2 X[#1*3] Y-[-#1] R[1+0]", "G0 Z-#1"]
@@ -181,11 +172,11 @@ def test_consecutive_fast_lines_are_done_at_once() -> None:
     assert np.array_equal(rows.arrays["line"][: rows.count], [1, 3, 4, 5, 6])
 
 
-@pytest.mark.parametrize(
-    "line",
-    ["X1 X2", "G0 G1 X1", "G1 X1 I2", "G2 X1", "G2 X1 R1 I1", "G17 G2 X1 K1", "M8", "S1", "O1",
-     "X#1", "/X1", "X1 N2", "F0 X1", "G1.5 X1", "G4", "X", "X1e5", "P1", "%"],
-)  # fmt: skip
+@pytest.mark.parametrize("line", [
+    "X1 X2", "G0 G1 X1", "G1 X1 I2", "G2 X1", "G2 X1 R1 I1", "G17 G2 X1 K1", "M8", "S1", "O1",
+    "X#1", "/X1", "X1 N2", "F0 X1", "G1.5 X1", "G4", "X", "X1e5", "P1", "%", "X[#1]", "X[1/0]", "X#2",
+    "X[#<none>]", "X[SIN[1]]", "X[2**3]", "X##1", "X#<_line>",
+])  # fmt: skip
 def test_what_is_no_fast_line_is_left_to_the_interpreter(line: str) -> None:
     interpreter = Interpreter(parse_program(f"G1 F100\n{line}\n".encode(), "test"), Setup())
     interpreter._step()
