@@ -468,12 +468,9 @@ def next_entry(element: Element, following: Element | None, shift: float) -> Ele
 
 
 def corner_between(
-    programmed: tuple[Element, Element],
-    shifted: tuple[Element, Element],
-    *,
-    rules: Rules,
+    programmed: tuple[Element, Element], shifted: tuple[Element, Element], *, rules: Rules,
     shift: float,
-) -> Corner:
+) -> Corner:  # fmt: skip
     """Corner of two elements, given as programmed and as offset by ``shift`` to the left [mm].
 
     Raises CompensationError at an inner corner into which the tool does not fit.
@@ -500,11 +497,9 @@ def _inside(programmed: tuple[Element, Element], turn: float, rules: Rules, shif
 
 
 def _inner(
-    programmed: tuple[Element, Element],
-    shifted: tuple[Element, Element],
-    turn: float,
+    programmed: tuple[Element, Element], shifted: tuple[Element, Element], turn: float,
     radius: float,
-) -> Corner:
+) -> Corner:  # fmt: skip
     end, gap = shifted[0].end, abs(shifted[1].start - shifted[0].end)
     if all(element.centre is None for element in shifted):
         point: complex | None = end - programmed[0].last_direction * radius * math.tan(turn / 2)

@@ -81,17 +81,11 @@ def run_fast_lines(
     rows.reserve(stop - number)
     floats, integers = run.state.to_arrays()
     line, count = follow(
-        np.frombuffer(program.data, dtype=np.uint8),
-        (tokens.kind, tokens.start, tokens.first),
-        (number, stop),
-        floats,
-        integers,
-        _choices(run),
+        np.frombuffer(program.data, dtype=np.uint8), (tokens.kind, tokens.start, tokens.first),
+        (number, stop), floats, integers, _choices(run),
         table_of(_table_variables(variables) if (content == 1).any() else {}),
-        tuple(rows.arrays[name] for name in VARYING),
-        rows.count,
-        np.empty(WIDTH),
-    )
+        tuple(rows.arrays[name] for name in VARYING), rows.count, np.empty(WIDTH),
+    )  # fmt: skip
     if count > rows.count:
         run.compensated_position = None
         for name in rows.arrays.keys() - set(VARYING):
@@ -139,17 +133,9 @@ def _choices(run: Run) -> np.ndarray:
 
 @compiled
 def follow(
-    data: Bytes,
-    tokens: TokenArrays,
-    lines: tuple[int, int],
-    floats: Floats,
-    integers: Ints,
-    choices: Floats,
-    table: Table,
-    columns: Columns,
-    count: int,
-    words: Words,
-) -> tuple[int, int]:
+    data: Bytes, tokens: TokenArrays, lines: tuple[int, int], floats: Floats, integers: Ints,
+    choices: Floats, table: Table, columns: Columns, count: int, words: Words,
+) -> tuple[int, int]:  # fmt: skip
     """Carry out fast lines; the first line that is none, and the number of rows.
 
     ``tokens``: kind, start and first; ``lines``: first line and the one to stop before; ``floats``
@@ -178,14 +164,9 @@ def follow(
 
 @compiled
 def carry_out(
-    words: Words,
-    floats: Floats,
-    integers: Ints,
-    choices: Floats,
-    columns: Columns,
-    count: int,
+    words: Words, floats: Floats, integers: Ints, choices: Floats, columns: Columns, count: int,
     line: int,
-) -> int:
+) -> int:  # fmt: skip
     """Carry out one line; the number of rows, -1 where it is left as if it were not read."""
     modes = modes_of(words, floats, integers)
     motion, plane, absolute, unit, feed = modes
@@ -274,13 +255,9 @@ def target(words: Words, floats: Floats, unit: float, absolute: int, end: Floats
 
 @compiled
 def arc(
-    words: Words,
-    floats: Floats,
-    integers: Ints,
-    choices: Floats,
-    modes: tuple[int, int, float],
+    words: Words, floats: Floats, integers: Ints, choices: Floats, modes: tuple[int, int, float],
     end: Floats,
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float]:  # fmt: skip
     """Angle [rad] and centre [mm] of an arc; the angle is 0 where the arc is none."""
     motion, plane, unit = modes
     first, second = FIRST[plane - 17], SECOND[plane - 17]

@@ -220,14 +220,9 @@ INCREMENTS[[*AXES, *CENTRES, R]] = True
 
 @compiled
 def read_words(
-    data: Bytes,
-    tokens: TokenArrays,
-    line: int,
-    linuxcnc: bool,
-    expressions: bool,
-    table: Table,
+    data: Bytes, tokens: TokenArrays, line: int, linuxcnc: bool, expressions: bool, table: Table,
     words: Words,
-) -> bool:
+) -> bool:  # fmt: skip
     """Whether a line is a fast one, with expressions or without; then ``words`` holds it."""
     kind, start, first = tokens
     words[:STACK_START] = np.nan

@@ -44,15 +44,9 @@ def sweep(
 
 
 def radii_agree(
-    u_0: float,
-    v_0: float,
-    u_1: float,
-    v_1: float,
-    u_c: float,
-    v_c: float,
-    tolerance: float,
+    u_0: float, v_0: float, u_1: float, v_1: float, u_c: float, v_c: float, tolerance: float,
     relative: float,
-) -> int:
+) -> int:  # fmt: skip
     """Verdict on the radii of start 0 and end 1 about centre c [mm]: OK, NO_RADIUS, UNEQUAL_RADII.
 
     Radii may differ by ``tolerance`` [mm], and further up to the part ``relative`` [1] of the

@@ -219,13 +219,9 @@ class Interpreter:
     """
 
     def __init__(
-        self,
-        program: Program,
-        setup: Setup,
-        progress: Callable[[int], None] | None = None,
-        *,
+        self, program: Program, setup: Setup, progress: Callable[[int], None] | None = None, *,
         compiled: bool = True,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.setup, self.progress, self.program = setup, progress, program
         self.executed: NDArray[np.bool_] = np.zeros(len(program) + 1, dtype=np.bool_)
         self.limit = setup.block_limit + len(program)

@@ -166,15 +166,11 @@ class Line:
         value = bare[1:].strip(BLANKS)
         number = piece.kind == TokenKind.WORD
         return Word(
-            letter=letter,
-            value=float(number_text(piece.text)) if number else None,
-            expression=None if number else value.decode("latin-1"),
-            text=piece.text,
-            line=self.number,
-            column=piece.start - self.start + 1,
-            start=piece.start,
+            letter=letter, value=float(number_text(piece.text)) if number else None,
+            expression=None if number else value.decode("latin-1"), text=piece.text,
+            line=self.number, column=piece.start - self.start + 1, start=piece.start,
             end=piece.start + len(piece.text),
-        )
+        )  # fmt: skip
 
 
 OUTPUT = frozenset({"POPEN", "PCLOS", "DPRNT", "BPRNT", "SETVN"})

@@ -154,12 +154,9 @@ class Snapshot:
         siemens = run.dialect == "siemens"
         return cls(
             values={name: getattr(run.state, name) for name in (MODES if siemens else SAVED)},
-            g52=list(run.offsets.g52) if siemens else None,
-            length=list(run.offsets.length),
-            active=run.offsets.active,
-            retract_to_r=run.retract_to_r,
-            automatic=automatic,
-        )
+            g52=list(run.offsets.g52) if siemens else None, length=list(run.offsets.length),
+            active=run.offsets.active, retract_to_r=run.retract_to_r, automatic=automatic,
+        )  # fmt: skip
 
     def restore(self, run: "Run") -> None:
         """Put the state in force again."""

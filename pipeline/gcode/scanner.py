@@ -243,11 +243,9 @@ BLANK, WORD, VALUED, LONE, MACRO, COMMENT, REMARK, SKIP, PERCENT, LINE_END, OTHE
 
 @compiled
 def scan(
-    data: Bytes,
-    kind: npt.NDArray[np.uint8],
-    start: npt.NDArray[np.int32],
+    data: Bytes, kind: npt.NDArray[np.uint8], start: npt.NDArray[np.int32],
     first_token: npt.NDArray[np.int32],
-) -> tuple[int, int]:
+) -> tuple[int, int]:  # fmt: skip
     """Write the tokens of ``data``; their number and that of the lines.
 
     The arrays hold one element for each byte, and one more.
@@ -342,23 +340,15 @@ def word(data: Bytes, at: int, behind: int) -> tuple[int, int]:
     if end > begin:
         return WORD, end
     c = data[begin]
-    if is_letter(c):
-        return lettered(data, at, begin)
+    if is_letter(c):  # a function's value, or a name that makes the rest of the line macro
+        end = function_end(data, begin)
+        return (VALUED, end) if end > begin else (MACRO, code_end(data, at))
     if c == EQUALS or (c == LESS and data[at] & 0xDF == LETTER_O):
         return MACRO, code_end(data, at)
     end = value_end(data, begin)
     if end > begin:
         return VALUED, end
     return LONE, behind
-
-
-@compiled
-def lettered(data: Bytes, at: int, begin: int) -> tuple[int, int]:
-    """Letters in a row: a function's value, or a name that makes the rest of the line macro."""
-    end = function_end(data, begin)
-    if end > begin:
-        return VALUED, end
-    return MACRO, code_end(data, at)
 
 
 @compiled

@@ -99,16 +99,10 @@ class _Step:
 
 
 def corrected_command(
-    letter: str,
-    reference: npt.ArrayLike,
-    period: float,
-    drive: IdentifiedDrive,
-    residual: Residual | None = None,
-    *,
-    bounds: AxisBounds | None = None,
-    settings: CorrectionSettings | None = None,
-    share: npt.ArrayLike | None = None,
-) -> CorrectedAxis:
+    letter: str, reference: npt.ArrayLike, period: float, drive: IdentifiedDrive,
+    residual: Residual | None = None, *, bounds: AxisBounds | None = None,
+    settings: CorrectionSettings | None = None, share: npt.ArrayLike | None = None,
+) -> CorrectedAxis:  # fmt: skip
     """Command with which an axis is predicted to be where the program wants it.
 
     It begins and ends where the reference (T,) [m] does, and its bounds are no less than the
@@ -284,13 +278,9 @@ HALF = "90 % half width [um]"
 
 
 def corrected_program(
-    plan: Plan,
-    drives: Mapping[str, IdentifiedDrive],
-    residual: Residual | None = None,
-    *,
-    settings: CorrectionSettings | None = None,
-    longest: float = inf,
-) -> tuple[dict[str, CorrectedAxis], Bools]:
+    plan: Plan, drives: Mapping[str, IdentifiedDrive], residual: Residual | None = None, *,
+    settings: CorrectionSettings | None = None, longest: float = inf,
+) -> tuple[dict[str, CorrectedAxis], Bools]:  # fmt: skip
     """Linear axes with a servo that move in a program, each with its corrected command.
 
     Cuts are corrected.  In the rapids between them the correction fades out, for all axes at the

@@ -222,18 +222,10 @@ def _trace_table(chunk: Trace, axes: Sequence[int], moves: Moves) -> pa.Table:
 
 
 def simulate_files(
-    files: Mapping[str, Path],
-    raw: Path,
-    control: ControlParameters,
-    setup: Setup,
-    out: Path,
-    *,
-    machine: str,
-    origin: str,
-    intervals: Bands | None = None,
-    learnt: Mapping[str, Condition] | None = None,
-    ends: Sequence[ControlParameters] = (),
-) -> None:
+    files: Mapping[str, Path], raw: Path, control: ControlParameters, setup: Setup, out: Path, *,
+    machine: str, origin: str, intervals: Bands | None = None,
+    learnt: Mapping[str, Condition] | None = None, ends: Sequence[ControlParameters] = (),
+) -> None:  # fmt: skip
     """Simulate each of ``files`` on a machine's control; one that cannot be followed is refused.
 
     ``files`` are part programs by the stem of ``<name>.json`` and ``<name>.parquet`` in ``out``.
@@ -243,12 +235,9 @@ def simulate_files(
     out.mkdir(parents=True, exist_ok=True)
     for name, path in files.items():
         program = SimulatedProgram(
-            program=name,
-            machine=machine,
-            origin=origin,
-            file=path.relative_to(raw).as_posix(),
+            program=name, machine=machine, origin=origin, file=path.relative_to(raw).as_posix(),
             sha256=sha256(path.read_bytes()).hexdigest(),
-        )
+        )  # fmt: skip
         try:
             moves = program_moves(path, setup)
             checked = preflight(moves, setup, limits_of(setup))

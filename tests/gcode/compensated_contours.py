@@ -85,11 +85,8 @@ class _Drawing:
         count = f" P{turns}" if turns > 1 else ""
         self._append(
             f"G{3 if sense > 0 else 2}{words}{centre_words}{to_centre.imag:.9f}{count}{plunge}",
-            end,
-            row,
-            centre=centre,
-            angle=sense * (angle + math.tau * (turns - 1)),
-        )
+            end, row, centre=centre, angle=sense * (angle + math.tau * (turns - 1)),
+        )  # fmt: skip
 
 
 def _rounded(point):

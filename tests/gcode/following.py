@@ -56,7 +56,7 @@ def kinds(moves: Moves) -> list[str]:
 
 
 RECORDINGS = os.environ.get("KERF_RECORDINGS")
-FEW = 100
+FEW = 60
 """Texts a property is tried on in the ordinary suite."""
 EXAMPLES = int(os.environ.get("KERF_GCODE_EXAMPLES", "1000"))
 """Texts a property is tried on in the proof; 100 000 in the long run."""
@@ -91,9 +91,10 @@ LONG = 60_000
 
 
 def long_in_proof(paths: list[Path]) -> list:
-    """Parameters of a test: the recorded programs, the long ones marked as proof."""
+    """Parameters of a test: the recorded programs, those that run long marked as proof."""
     proof = pytest.mark.proof
-    return [pytest.param(p, marks=proof) if p.stat().st_size > LONG else p for p in paths]
+    long = {path for path in paths if path.stat().st_size > LONG or path.stem == "flowsnake"}
+    return [pytest.param(path, marks=proof) if path in long else path for path in paths]
 
 
 def short(path: Path) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 
 INCH = 25.4
 PLANES = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}
+PLANE_CHOICES = [17, 17, 18, 19]
 ARC_POINTS = 2001
 GAP = 0.254
 """What G83 and G73 keep to the depth reached [mm], as set."""
@@ -58,17 +59,13 @@ class Job:
         self.work, self.length, self.tool = np.zeros(3), 0.0, 0
         self.offsets = {name: np.array(v) for name, v in WORK.items()}
         self.absolute, self.plane, self.feed, self.motion = True, 17, 0.0, ""
-        self.per_turn = False
-        self.speed = 1000
-        self.silent = 0
-        self.next_program = 100
+        self.per_turn, self.speed, self.next_program = False, 1000, 100
+        self.planes = PLANE_CHOICES
 
     # --- writing -------------------------------------------------------------------------------
 
     def say(self, *words: str) -> None:
         """One block."""
-        if self.silent:
-            return
         plain = all(re.fullmatch(r"[A-Z][-+.\d]*", word) for word in words)
         gap = " " if self.blanks or (self.style == "siemens" and not plain) else ""
         text = gap.join(words)
@@ -123,6 +120,13 @@ class Job:
     def go(self, rapid: bool, end: np.ndarray) -> None:
         """Straight in program coordinates."""
         self.go_machine(rapid, self.machine(end))
+
+    def rapid(self, **values: float) -> None:
+        """A rapid in absolute coordinates, of the axes that are named."""
+        self.say(*self.mode(True), *self.moded(0), *self.axes(values))
+        end = self.point.copy()
+        end[["XYZ".index(letter) for letter in values]] = list(values.values())
+        self.go(True, end)
 
     def go_machine(self, rapid: bool, end: np.ndarray) -> None:
         length = float(np.linalg.norm(end - self.here))
@@ -220,15 +224,13 @@ def tool(job: Job) -> None:
     x, y, z = (job.between(-40, 40) for _ in range(3))
     job.motion = ""
     if job.style != "siemens":
-        job.say(*job.mode(True), *job.moded(0), *job.axes({"X": x, "Y": y}))
-        job.go(True, np.array([x, y, job.point[2]]))
+        job.rapid(X=x, Y=y)
         # the length comes with a move in Z: the axis goes to the level, wherever it was
         job.length = LENGTHS[job.tool]
         job.say(job.g(43), f"H{job.tool}", f"Z{job.n(z)}")
         job.go(True, np.array([x, y, z]))
     else:
-        job.say(*job.mode(True), *job.moded(0), *job.axes({"X": x, "Y": y, "Z": z}))
-        job.go(True, np.array([x, y, z]))
+        job.rapid(X=x, Y=y, Z=z)
 
 
 def lines(job: Job) -> None:
@@ -254,7 +256,7 @@ def lines(job: Job) -> None:
 
 def arc(job: Job) -> None:
     """A circle's part by centre or radius, a helix, a full circle, in a plane."""
-    plane = int(job.rng.choice([17, 17, 18, 19]))
+    plane = int(job.rng.choice(job.planes))
     u, v, w = PLANES[plane]
     names, centres = "XYZ", "IJK"
     if plane != job.plane:
@@ -331,8 +333,7 @@ def holes(job: Job) -> None:
     code = int(job.rng.choice([81, 82, 83, 73, 85, 86, 89, 84, 76]))
     to_r = job.coin()
     level = job.grid(job.between(10, 20))
-    job.say(*job.mode(True), *job.moded(0), f"Z{job.n(level)}")
-    job.go(True, np.array([*job.point[:2], level]))
+    job.rapid(Z=level)
     relative = job.coin(0.25)
     plane_r, depth = job.between(1, 4), job.between(-12, -4)
     words = {"Z": depth, "R": plane_r}
@@ -438,9 +439,7 @@ def local(job: Job) -> None:
 
 def place(job: Job) -> None:
     """A rapid in every axis, where a frame has changed."""
-    point = np.array([job.between(-40, 40) for _ in range(3)])
-    job.say(*job.mode(True), *job.moded(0), *job.at(point))
-    job.go(True, point)
+    job.rapid(**{letter: job.between(-40, 40) for letter in "XYZ"})
 
 
 def _within(job: Job) -> None:
@@ -453,25 +452,10 @@ def _within(job: Job) -> None:
 def _flat(job: Job) -> None:
     """Moves in the plane only."""
     place(job)
+    job.planes = [17]
     for _ in range(job.rng.integers(1, 3)):
-        was, job.rng = job.rng, _Only17(job.rng)
         (lines if job.coin() else arc)(job)
-        job.rng = was.generator if isinstance(was, _Only17) else was
-
-
-class _Only17:
-    """The generator, whose choice of a plane is G17."""
-
-    def __init__(self, generator) -> None:
-        self.generator = generator
-
-    def choice(self, values, **kwargs):
-        if list(values) == [17, 17, 18, 19]:
-            return 17
-        return self.generator.choice(values, **kwargs)
-
-    def __getattr__(self, name):
-        return getattr(self.generator, name)
+    job.planes = PLANE_CHOICES
 
 
 def _about(matrix: np.ndarray, centre: np.ndarray) -> np.ndarray:
@@ -611,8 +595,7 @@ def pocket(job: Job) -> None:
     a, b = job.grid(job.between(20, 30)), job.grid(job.between(20, 30))
     z = job.point[2]
     r = DIAMETERS[job.tool] / 2 / job.unit
-    job.say(*job.mode(True), *job.moded(0), *job.axes({"X": x, "Y": y}))
-    job.go(True, np.array([x, y, z]))
+    job.rapid(X=x, Y=y)
     left = job.coin()
     d = [] if job.style == "siemens" else [f"D{job.tool}"]
     # from the middle to the lower side, then round: anticlockwise with the tool to the left
@@ -639,8 +622,7 @@ def corner(job: Job) -> None:
     x, y, a = job.between(-20, 20), job.between(-20, 20), job.between(10, 20)
     size = job.between(1, 4)
     z = job.point[2]
-    job.say(*job.mode(True), *job.moded(0), *job.axes({"X": x, "Y": y}))
-    job.go(True, np.array([x, y, z]))
+    job.rapid(X=x, Y=y)
     rounded = job.coin()
     far, up = job.grid(x + a), job.grid(y + a)
     job.say(*job.moded(1), f"X{job.n(far)}", f",{'R' if rounded else 'C'}{job.n(size)}",
@@ -769,9 +751,7 @@ def outline(job: Job) -> None:
     a, b = job.between(20, 30), job.between(20, 30)
     z, r = job.point[2], DIAMETERS[job.tool] / 2 / job.unit
     far = job.grid(30 / job.unit)
-    begin = np.array([x, job.grid(y - far), z])
-    job.say(*job.mode(True), *job.moded(0), *job.at(begin))
-    job.go(True, begin)
+    job.rapid(X=x, Y=job.grid(y - far), Z=z)
     # clockwise with the tool to the left: up the left side, and round
     right, up = job.grid(x + a), job.grid(y + b)
     corners = [(x, y), (x, up), (right, up), (right, y), (x, y)]
@@ -837,22 +817,8 @@ def skipped(job: Job) -> None:
     job.go(True, np.array([99.0, 99.0, job.point[2]]))
 
 
-COMMON = (
-    lines,
-    lines,
-    arc,
-    arc,
-    local,
-    macro,
-    pocket,
-    pause,
-    home,
-    inverse_time,
-    outline,
-    turned,
-    skipped,
-    tool,
-)
+COMMON = (lines, lines, arc, arc, local, macro, pocket, pause, home, inverse_time, outline, turned,
+          skipped, tool)  # fmt: skip
 OF_FANUC = (*COMMON, holes, holes, subprogram, modal_macro, nested, rotated, scaled, written_offset)
 OPERATIONS: dict[str, Sequence[Callable[[Job], None]]] = {
     "fanuc": (*OF_FANUC, added_rotation, polar, corner), "haas": OF_FANUC,

@@ -112,14 +112,10 @@ class Oracle:
         said = done.stderr.decode("latin-1").replace("executing\n", "").strip()
         return Answer(
             error=said or "no reason given" if done.returncode else "",
-            ends=np.array(path.ends).reshape(-1, 6),
-            rapid=np.array(path.rapid, dtype=bool),
-            lengths=np.array(path.lengths),
-            arcs=np.array(path.arcs).reshape(-1, 4),
-            dwell=path.dwell,
-            probed=b"STRAIGHT_PROBE" in done.stdout,
-            feeds=np.array(path.feeds),
-        )
+            ends=np.array(path.ends).reshape(-1, 6), rapid=np.array(path.rapid, dtype=bool),
+            lengths=np.array(path.lengths), arcs=np.array(path.arcs).reshape(-1, 4),
+            dwell=path.dwell, probed=b"STRAIGHT_PROBE" in done.stdout, feeds=np.array(path.feeds),
+        )  # fmt: skip
 
     def ask_text(self, text: str) -> Answer:
         """Follow a program given as text."""

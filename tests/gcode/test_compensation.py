@@ -37,11 +37,6 @@ def through(*corners):
     return [line(a, b, row) for row, (a, b) in enumerate(pairwise(corners))]
 
 
-def ends(elements, dialect, side=1, radius=2.0):
-    path = compensate(elements, side=side, radius=radius, dialect=dialect)
-    return [piece.end for piece in path]
-
-
 @st.composite
 def hills(draw):
     """Contours that go on in x by 6 mm or more at a time and stay low, for a tool of 1 mm."""
@@ -71,13 +66,10 @@ def turns(elements):
 def mirrored(element):
     centre = element.centre
     return Element(
-        start=element.start.conjugate(),
-        end=element.end.conjugate(),
-        normal=element.normal,
-        row=element.row,
-        centre=None if centre is None else centre.conjugate(),
+        start=element.start.conjugate(), end=element.end.conjugate(), normal=element.normal,
+        row=element.row, centre=None if centre is None else centre.conjugate(),
         angle=-element.angle,
-    )
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("dialect", RULES)
@@ -133,81 +125,57 @@ def test_a_radius_of_0_changes_nothing(dialect):
     assert compensate(contour, side=1, radius=0.0, dialect=dialect) == contour
 
 
-@pytest.mark.parametrize("dialect", RULES)
-def test_inner_square_corner_is_the_intersection(dialect):
-    found = ends(through(-20 - 5j, 0, 20, 20 + 20j, 20j), dialect)
-    np.testing.assert_allclose(found[-3:], [18 + 2j, 18 + 18j, 18j], atol=EXACT)
-
-
-def test_linuxcnc_goes_round_an_outer_corner_about_it():
-    path = compensate(through(0, 20, 20 - 20j), side=1, radius=2.0, dialect="linuxcnc")
-    around = path[1]
-    assert around.inserted
-    assert (around.start, around.end, around.centre) == (20 + 2j, 22, 20)
-    assert around.angle == pytest.approx(-math.pi / 2, abs=1e-15)
-
-
-def test_linuxcnc_goes_round_before_a_rapid_move_straight():
-    contour = [line(0, 20), line(20, 20 - 20j, 1, rapid=True)]
-    around = compensate(contour, side=1, radius=2.0, dialect="linuxcnc")[1]
-    assert (around.end, around.centre, around.rapid) == (22, None, True)
-
-
-def test_linuxcnc_enters_beside_the_first_move_itself():
-    found = ends(through(-10 - 20j, 0, 30), "linuxcnc")
-    unit = (1 + 2j) / math.sqrt(5)
-    assert found[0] == pytest.approx(2j * unit, abs=EXACT)
-
-
-def test_linuxcnc_enters_on_an_arc_that_ends_tangent_to_the_programmed_one():
-    contour = [arc(0j, 10j, math.pi / 2), line(10 + 10j, 10 + 30j, 1)]
-    first, second = compensate(contour, side=1, radius=2.0, dialect="linuxcnc")
+SLANT = (20 + 20j) / abs(20 + 20j)
+SQUARE = through(-20 - 5j, 0, 20, 20 + 20j, 20j)
+PATHS = {
+    "LinuxCNC cuts an inner square corner where the lines meet": (
+        "linuxcnc", SQUARE, [2j * (4 + 1j) / 17**0.5, 2j, 18 + 2j, 18 + 18j, 18j], {1: 0}),
+    **{f"{dialect} cuts an inner square corner where the lines meet": (
+        dialect, SQUARE, [2j, 18 + 2j, 18 + 18j, 18j], {}) for dialect in ("fanuc", "siemens")},
+    "LinuxCNC goes round an outer corner about it": (
+        "linuxcnc", through(0, 20, 20 - 20j), [20 + 2j, 22, 22 - 20j], {1: 20}),
+    "LinuxCNC goes round before a rapid straight": (
+        "linuxcnc", [line(0, 20), line(20, 20 - 20j, 1, rapid=True)], [20 + 2j, 22, 22 - 20j], {}),
+    "LinuxCNC enters beside the first move itself": (
+        "linuxcnc", through(-10 - 20j, 0, 30), [2j * (1 + 2j) / 5**0.5, 2j, 30 + 2j], {1: 0}),
     # |centre - start| = |centre - end| on the line of centre and end: u² + 10² = (8 - u)²
-    assert first.centre == pytest.approx(-2.25 + 10j, abs=EXACT)
-    assert first.end == pytest.approx(8 + 10j, abs=EXACT)
-    assert second.end == pytest.approx(8 + 30j, abs=EXACT)
+    "LinuxCNC enters on an arc that ends tangent to the programmed one": (
+        "linuxcnc", [arc(0j, 10j, math.pi / 2), line(10 + 10j, 10 + 30j, 1)], [8 + 10j, 8 + 30j],
+        {0: -2.25 + 10j}),
+    **{f"Fanuc A enters and leaves square to the next and last block, to {corner}": (
+        "fanuc", through(-20 + 30j, 0, 20 * corner),
+        [2j * corner / abs(corner), 20 * corner + 2j * corner / abs(corner)], {})
+       for corner in (-2 + 0j, 2 + 0j, 0.5 - 2j)},
+    "Fanuc lengthens obtuse outer corners until they meet": (
+        "fanuc", through(-20, 0, 20, 40 - 20j),
+        [2j, 20 + 2 * math.tan(math.pi / 8) + 2j, 40 - 20j + 2 * SLANT], {}),
+    "Fanuc lengthens acute outer corners by the radius": (
+        "fanuc", through(-20, 0, 20, -20j),
+        [2j, 22 + 2j, 20 - 2j * SLANT + 2 * SLANT, -20j - 2j * SLANT], {}),
+    "Fanuc leads from an arc round a corner along tangents": (
+        "fanuc", [line(-20 - 5j, 0), arc(0j, -10j, -math.pi / 2, 1), line(10 - 10j, -10j, 2)],
+        [2j, 12 - 10j, 12 - 12j, -12j], {1: -10j}),
+    "Siemens enters square and goes round": (
+        "siemens", through(-20 - 9j, 0, 20, 20 - 20j), [2j, 20 + 2j, 22, 22 - 20j], {2: 20}),
+    **{f"{dialect}: a circle that begins and ends in a tangent stays a circle": (
+        dialect, [line(-30, 0), arc(0j, 10j, math.tau, 1), line(0, 30, 2)], [2j, 2j, 30 + 2j],
+        {1: 10j}) for dialect in RULES},
+}  # fmt: skip
+"""Rule -> dialect, contour, ends of the moves of a tool of 2 mm to its left, centres of arcs."""
 
 
-@pytest.mark.parametrize("corner", [(-2 + 0j), (2 + 0j), (0.5 - 2j)])
-def test_fanuc_a_enters_and_leaves_square_to_the_next_and_last_block(corner):
-    found = ends(through(-20 + 30j, 0, 20 * corner), "fanuc")
-    square = 2j * corner / abs(corner)
-    np.testing.assert_allclose(found, [square, 20 * corner + square], atol=EXACT)
-
-
-def test_fanuc_lengthens_obtuse_outer_corners_until_they_meet():
-    path = compensate(through(-20, 0, 20, 40 - 20j), side=1, radius=2.0, dialect="fanuc")
-    assert len(path) == 3
-    assert path[1].end == pytest.approx(20 + 2 * math.tan(math.pi / 8) + 2j, abs=EXACT)
-
-
-def test_fanuc_lengthens_acute_outer_corners_by_the_radius():
-    found = ends(through(-20, 0, 20, -20j), "fanuc")
-    slant = (-20 - 20j) / abs(20 + 20j)
-    before = 20 + 2j * slant - 2 * slant
-    np.testing.assert_allclose(found[1:3], [22 + 2j, before], atol=EXACT)
-
-
-def test_fanuc_leads_from_an_arc_round_a_corner_along_tangents():
-    contour = [line(-20 - 5j, 0), arc(0j, -10j, -math.pi / 2, 1), line(10 - 10j, -10j, 2)]
-    path = compensate(contour, side=1, radius=2.0, dialect="fanuc")
-    np.testing.assert_allclose(
-        [piece.end for piece in path], [2j, 12 - 10j, 12 - 12j, -12j], atol=EXACT
-    )
-
-
-def test_siemens_goes_round_and_enters_square():
-    path = compensate(through(-20 - 9j, 0, 20, 20 - 20j), side=1, radius=2.0, dialect="siemens")
-    assert path[0].end == pytest.approx(2j, abs=EXACT)
-    assert path[2].centre == 20
-
-
-@pytest.mark.parametrize("dialect", RULES)
-def test_a_circle_that_begins_and_ends_in_a_tangent_stays_a_circle(dialect):
-    contour = [line(-30, 0), arc(0j, 10j, math.tau, 1), line(0, 30, 2)]
+@pytest.mark.parametrize("rule", PATHS)
+def test_path_is_that_of_the_rule(rule):
+    dialect, contour, expected, centres = PATHS[rule]
     path = compensate(contour, side=1, radius=2.0, dialect=dialect)
-    assert path[1].angle == pytest.approx(math.tau, abs=1e-12)
-    assert [piece.end for piece in path] == pytest.approx([2j, 2j, 30 + 2j], abs=EXACT)
+    np.testing.assert_allclose([piece.end for piece in path], expected, atol=EXACT)
+    arcs = {n: piece for n, piece in enumerate(path) if piece.centre is not None}
+    assert arcs.keys() == centres.keys()
+    for n, piece in arcs.items():
+        assert piece.centre == pytest.approx(centres[n], abs=EXACT)
+        turned = (piece.start - piece.centre) * cmath.exp(1j * piece.angle) + piece.centre
+        assert piece.end == pytest.approx(turned, abs=EXACT)
+        assert abs(piece.angle) == pytest.approx(math.tau) if "circle" in rule else piece.angle
 
 
 @pytest.mark.parametrize("dialect", RULES)

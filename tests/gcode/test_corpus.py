@@ -103,7 +103,7 @@ def test_every_refusal_names_place_word_and_remedy():
 
 @with_oracle
 @pytest.mark.parametrize(("step", "least"), [
-    (10, 4), pytest.param(1, 52, marks=[pytest.mark.slow, pytest.mark.proof]),
+    (15, 3), pytest.param(1, 52, marks=[pytest.mark.slow, pytest.mark.proof]),
 ])  # fmt: skip
 def test_positions_are_rs274s(step, least, tmp_path):
     """Of each ``step``-th program; ``least`` of them are read by both."""
@@ -124,7 +124,7 @@ def test_positions_are_rs274s(step, least, tmp_path):
 
 @with_oracle
 @pytest.mark.parametrize(("step", "least"), [
-    (6, 6), pytest.param(1, 62, marks=[pytest.mark.slow, pytest.mark.proof]),
+    (12, 4), pytest.param(1, 62, marks=[pytest.mark.slow, pytest.mark.proof]),
 ])  # fmt: skip
 def test_subroutines_with_their_defaults_are_rs274s(step, least, tmp_path):
     """The subroutines alone move nothing: call them with the defaults of their comments."""

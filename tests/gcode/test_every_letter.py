@@ -2,7 +2,6 @@
 
 import copy
 
-import numpy as np
 import pytest
 
 from pipeline.gcode.codes.execution import HANDLERS
@@ -83,7 +82,7 @@ def outcome(block: str, dialect: str):
         return str(error)
     run = copy.copy(one.run)
     return (
-        [np.nan_to_num(column, nan=-9e9).tolist() for _, column in moves.columns()],
+        [column.tobytes() for _, column in moves.columns()],
         run.state, run.offsets, run.registers, run.references, run.probed, moves.notices,
         run.length_number, run.radius_number,
     )  # fmt: skip
@@ -113,8 +112,9 @@ def unread(dialect: str, code: int) -> list[str]:
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
-def test_every_letter_beside_every_g_code_is_read_named_or_refused(dialect):
-    silent = [block for code in codes(dialect) for block in unread(dialect, code)]
+@pytest.mark.parametrize("step", [3, pytest.param(1, marks=pytest.mark.proof)])
+def test_every_letter_beside_every_g_code_is_read_named_or_refused(dialect, step):
+    silent = [block for code in codes(dialect)[::step] for block in unread(dialect, code)]
     assert not silent
 
 

@@ -95,6 +95,7 @@ RULES = {
     "G92 names the point where the tool stands": (end, {}, [
         ("G0 X10\nG92 X3\nG0 X4", [11, 0, 0]), ("G0 X10\nG92 X3\nG55 G0 X4", [11, 0, 0]),
         ("G0 X10\nG92 X3\nG92.1 X0\nG0 X4", [4, 0, 0]),
+        ("G0 X5\nG92 X0 S3000\nG0 X1", [6, 0, 0]),
     ]),
     "G43 and G44 move by the length": (end, TOOLS, [
         ("G43 H1 G0 Z5", [0, 0, 55]), ("G44 H1 G0 Z5", [0, 0, -45]),
@@ -241,6 +242,21 @@ RULES = {
     "a level of block skip is on": (xs, {"block_skip": (1,)}, [("G0 X1\n/X2\n/3 X3", [1, 3])]),
     "block skip is off": (xs, {}, [("G0 X1\n/X2\n/3 X3", [1, 2, 3])]),
     "two levels of block skip": (xs, {"block_skip": (1, 3)}, [("G0 X1\n/X2\n/3 X3", [1])]),
+    "numbers without a point": (path, {"decimal": "increment"}, [
+        ("G0 X10 Y10.", [[0.01, 10, 0]]), ("G20 G0 X10000", [[25.4, 0, 0]]),
+        ("#1=10\nG0 X#1", [[10, 0, 0]]),
+    ]),
+    "words that move nothing are passed over": (xs, {}, [
+        *((f"G0 X1\n{words}\nG0 X2", [1, 2]) for words in (
+            "G103 P1", "G187 P2 E0.1", "POPEN", "DPRNT[X#1[53]]", "SETVN100[A]")),
+    ]),
+    "a Haas mirrors by G101": (path, {}, [
+        ("G101 X0\nG0 X3. Y2.\nG100 X0\nG0 X1.", [[-3, 2, 0], [1, 2, 0]]),
+    ]),
+    "rows of codes": (rows, {}, [
+        ("G8 P1\nG5.1 Q1\nG5 P10000\nG1 X1\nG8 P0", "FEED"), ("G31 Z-5\nG0 X1", "PROBE RAPID"),
+        ("G2 X2 I1\nM19 R90", "ARC SPINDLE"),
+    ]),
     "% ends a file": (xs, {}, [("%\nO1\nG0 X1\n%\nG0 X9", [1])]),
 }  # fmt: skip
 """Rule -> what is seen of its programs, choices of the setup, programs with what is seen."""
@@ -280,12 +296,39 @@ def test_comments_and_blank_lines_may_stand_before_the_number(head, dialect):
     (HEAD + "G83 X1 Z-5 R2", "add Q"), (HEAD + "G81 X1 Z5 R2", "exchange"),
     (HEAD + "G81 X1 Z-5 R2 K1.5", "whole number"),
     (HEAD + "G83 X1 Z-10 R2 I4 J1 K2 F100", "I J K of a Haas"),
+    *((f"G21\n{words}\nM30", words[:3]) for words in ("M96 P5", "M200 P5", "M97 P5")),
+    ("F100\nG12 I5 D1", "circular pockets"), ("F100\nG13 I5 D1", "circular pockets"),
+    ("F100\nG150 P5 X0", "pocket milling"),
+    ("F100\nG1 X10,R20\nY5", "takes 20 mm of lines of 10 and 5 mm"),
+    ("F100\nG1 X10,R2\nX20", "two lines that meet at an angle"),
+    ("F100\nG1 X10,R2\nG2 X20 Y10 I10", "has to be a straight line"),
+    ("F100\nG1 X10,R2\nG4 P100", "has to be a straight line"),
+    ("F100\nG1 X10,R2", "has to be a straight line"),
+    ("F100\nG1 X10,R2\nY10 Z1", "in the plane"), ("F100\nG1 X10,C0\nY10", "give more than 0"),
+    ("F100\nG51 X0 Y0 Z0 P2\nG1 X10,C1\nY10", "under G51"),
     (HEAD + "M5\nG95 G81 X1 Z-5 R2 F1.5 S100", "the spindle stands"),
 ])  # fmt: skip
 def test_what_leads_nowhere_is_said(text, words):
     said = refusal(text, block_limit=5000, **TOOLS)
     assert words in said
     assert said.startswith("P:")
+
+
+@pytest.mark.parametrize(("written", "with_point"), [
+    ("G68 X0 Y0 R30000\nG0 X10000 Y0", "G68 X0 Y0 R30.\nG0 X1. Y0"),
+    ("G51 X0 Y0 Z0 I2000 J3000 K1000\nG0 X10000 Y10000", "G51 X0 Y0 Z0 I2. J3. K1.\nG0 X1. Y1."),
+    ("G1 X20000 ,R1000 F9.\nY20000", "G1 X2. ,R.1 F9.\nY2."),
+    ("G1 X20000 ,C1000 F9.\nY20000", "G1 X2. ,C.1 F9.\nY2."),
+    ("G91 G81 X10000 Z-10000 R-5000 K3 F9.", "G91 G81 X1. Z-1. R-.5 K3 F9."),
+    ("G4 X1500", "G4 X1.5"), ("G4 U1500", "G4 U1.5"), ("G1 X10000 F200", "G1 X1. F200."),
+])  # fmt: skip
+def test_words_beside_lengths_keep_their_own_unit_where_lengths_count_increments(
+    written, with_point
+):
+    """Angles, factors, counts and seconds do not count 0.0001 inch; sizes of corners do."""
+    tried = [follow(f"G20\n{text}\n", decimal="increment") for text in (written, with_point)]
+    for name, column in tried[0].columns():
+        np.testing.assert_array_equal(column, getattr(tried[1], name))
 
 
 def test_frames_are_named_and_shared():

@@ -47,12 +47,9 @@ def assert_equal_both_ways(program: Program, setup: Setup) -> Interpreter:
 def test_recorded_programs_are_the_same_bits(path: Path) -> None:
     dialect = "linuxcnc" if path in LINUXCNC else "fanuc"
     setup = Setup(
-        dialect=dialect,
-        tools=TOOLS,
-        work_offsets=OFFSETS,
-        folders=(path.parent,),
+        dialect=dialect, tools=TOOLS, work_offsets=OFFSETS, folders=(path.parent,),
         block_limit=30_000,
-    )
+    )  # fmt: skip
     interpreter = assert_equal_both_ways(read_program(path), setup)
     if path in FANUC:
         assert interpreter.run.rows.count > 100  # so that there was something to compare
@@ -116,14 +113,11 @@ TEXT = st.lists(LINE, max_size=12).map(
     lambda lines: "\n".join(["F500G1", *ASSIGNED, *lines]).encode()
 )
 SETUPS = st.builds(
-    Setup,
-    dialect=st.sampled_from(["fanuc", "linuxcnc"]),
-    decimal=st.sampled_from(["calculator", "calculator", "increment"]),
-    inch=st.booleans(),
-    tools=st.just(TOOLS),
-    work_offsets=st.sampled_from([{}, OFFSETS]),
+    Setup, dialect=st.sampled_from(["fanuc", "linuxcnc"]),
+    decimal=st.sampled_from(["calculator", "calculator", "increment"]), inch=st.booleans(),
+    tools=st.just(TOOLS), work_offsets=st.sampled_from([{}, OFFSETS]),
     arc_tolerance=st.sampled_from([0.05, 5.0]),
-)
+)  # fmt: skip
 
 
 @fuzzed(TEXT, SETUPS)
@@ -145,15 +139,6 @@ LONG = "[" + "-[1+" * 12 + "2*#1/3-4" + "]" * 12 + "]"
 def test_expressions_are_the_same_bits(text: str) -> None:
     program = parse_program(f"#1=2.5\n#<ab>=0.3\nG1F100X{text}Y1Z{text}\n".encode(), "test")
     assert_equal_both_ways(program, Setup(dialect="linuxcnc"))
-
-
-@pytest.mark.parametrize(
-    "text", ["X[#1]", "X[1/0]", "X#2", "X[#<none>]", "X[SIN[1]]", "X[2**3]", "X##1", "X#<_line>"]
-)
-def test_what_is_no_simple_expression_is_left_to_the_interpreter(text: str) -> None:
-    interpreter = Interpreter(parse_program(f"G1 F100\n{text}".encode(), "test"), Setup())
-    interpreter._step()
-    assert interpreter.blocks == 1
 
 
 @pytest.mark.parametrize("dialect", ["fanuc", "linuxcnc"])
@@ -187,11 +172,11 @@ def test_consecutive_fast_lines_are_done_at_once() -> None:
     assert np.array_equal(rows.arrays["line"][: rows.count], [1, 3, 4, 5, 6])
 
 
-@pytest.mark.parametrize(
-    "line",
-    ["X1 X2", "G0 G1 X1", "G1 X1 I2", "G2 X1", "G2 X1 R1 I1", "G17 G2 X1 K1", "M8", "S1", "O1",
-     "X#1", "/X1", "X1 N2", "F0 X1", "G1.5 X1", "G4", "X", "X1e5", "P1", "%"],
-)  # fmt: skip
+@pytest.mark.parametrize("line", [
+    "X1 X2", "G0 G1 X1", "G1 X1 I2", "G2 X1", "G2 X1 R1 I1", "G17 G2 X1 K1", "M8", "S1", "O1",
+    "X#1", "/X1", "X1 N2", "F0 X1", "G1.5 X1", "G4", "X", "X1e5", "P1", "%", "X[#1]", "X[1/0]", "X#2",
+    "X[#<none>]", "X[SIN[1]]", "X[2**3]", "X##1", "X#<_line>",
+])  # fmt: skip
 def test_what_is_no_fast_line_is_left_to_the_interpreter(line: str) -> None:
     interpreter = Interpreter(parse_program(f"G1 F100\n{line}\n".encode(), "test"), Setup())
     interpreter._step()

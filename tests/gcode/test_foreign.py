@@ -97,6 +97,7 @@ def test_the_signs_of_a_lathe_are_named_at_the_first_one():
     (b"%PRG1,MX,\nN10 G0 X10\n", "a Fagor program"),
     (b"MAZATROL M-32\nUNo. MAT INITIAL-Z\n", "a Mazatrol program"),
     (b"0 BEGIN PGM A MM\n", "a Heidenhain conversational program"),
+    (b"%A G71 *\nN10 G00 X+10 *\n", "a Heidenhain ISO program"),
     (bytes(range(128, 256)) * 8, "binary data"),
 ])  # fmt: skip
 def test_a_foreign_file_is_named_by_its_whole_form(data, name):

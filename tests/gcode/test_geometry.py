@@ -79,16 +79,3 @@ def test_an_arc_by_r_that_ends_where_it_starts_turns_by_0_on_a_fanuc_and_is_none
     assert moves.end[:, 0].tolist() == [5, 6]
     assert "0 degree, no motion (line 2)" in moves.notices[0]
     assert "I J K" in refusal("F9 G0 X5\nG2 X5 R5", dialect="linuxcnc")
-
-
-@pytest.mark.parametrize(("program", "words"), [
-    ("F9 G2 X5", ["neither I J K nor R"]),
-    ("F9 G0 X5\nG2 X-5 R4", ["R is 4 mm", "half the chord 5 mm"]),
-    ("F9 G0 X5\nG3 X0 Y6 I-5", ["starts 5 mm", "ends 6 mm", "0.05 mm"]),
-    ("F9 G0 X5\nG3 X1 I0", ["radius 0"]),
-    ("F9 G0 X5\nG17 G3 X0 Y5 I-5 K1", ["K1", "nothing in this block takes"]),
-])  # fmt: skip
-def test_what_no_arc_can_be_is_said_with_numbers(program, words):
-    said = refusal(program)
-    assert said.startswith("P:")
-    assert all(word in said for word in words), said

@@ -6,7 +6,7 @@ import pytest
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.moves import FeedMode, Kind
 from pipeline.gcode.setup import Tool
-from tests.gcode.following import MOVING, follow, points
+from tests.gcode.following import MOVING, follow
 from tests.gcode.posts import DIAMETERS, EXTENDED, LENGTHS, REFERENCE, WORK, Job, made
 
 SAME = 1e-6
@@ -86,25 +86,3 @@ def test_every_move_is_the_one_that_the_post_means(style, share):
     """None is refused either: what a post of these controls writes every day is followed."""
     found = {seed: disagreement(made(seed, style)) for seed in range(int(share * PROGRAMS[style]))}
     assert {seed: one for seed, one in found.items() if one} == {}
-
-
-@pytest.mark.parametrize(("written", "with_point"), [
-    ("G68 X0 Y0 R30000\nG0 X10000 Y0", "G68 X0 Y0 R30.\nG0 X1. Y0"),
-    ("G51 X0 Y0 Z0 I2000 J3000 K1000\nG0 X10000 Y10000", "G51 X0 Y0 Z0 I2. J3. K1.\nG0 X1. Y1."),
-    ("G1 X20000 ,R1000 F9.\nY20000", "G1 X2. ,R.1 F9.\nY2."),
-    ("G1 X20000 ,C1000 F9.\nY20000", "G1 X2. ,C.1 F9.\nY2."),
-    ("G91 G81 X10000 Z-10000 R-5000 K3 F9.", "G91 G81 X1. Z-1. R-.5 K3 F9."),
-    ("G4 X1500", "G4 X1.5"),
-    ("G4 U1500", "G4 U1.5"),
-])  # fmt: skip
-def test_words_beside_lengths_keep_their_own_unit_where_lengths_count_increments(
-    written, with_point
-):
-    """Angles, factors, counts and seconds do not count 0.0001 inch; sizes of corners do."""
-    tried = [follow(f"G20\n{text}\n", decimal="increment") for text in (written, with_point)]
-    for name, column in tried[0].columns():
-        np.testing.assert_array_equal(column, getattr(tried[1], name))
-
-
-def test_a_haas_mirrors_by_g101():
-    assert points(follow("G101 X0\nG0 X3. Y2.\nG100 X0\nG0 X1.")) == [[-3, 2, 0], [1, 2, 0]]

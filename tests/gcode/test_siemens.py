@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.gcode.dialects.siemens import SiemensReader
@@ -18,7 +18,7 @@ from pipeline.gcode.moves import Kind, PathMode
 from pipeline.gcode.program import parse_program, read_program
 from pipeline.gcode.setup import Setup, Tool
 from pipeline.gcode.statements import Parameter, constant
-from tests.gcode.following import long_in_proof, recorded, short
+from tests.gcode.following import fuzzed, long_in_proof, recorded, short
 
 PROGRAMS = recorded("gcode/elmoe_5axis/*.mpf", "gcode/elmoe_5axis/*ner.txt")
 needs_recordings = pytest.mark.skipif(not PROGRAMS, reason="KERF_RECORDINGS is not set")
@@ -252,8 +252,7 @@ def test_what_is_not_known_is_refused_with_its_place(text, word, column, said):
     assert error.line == text.count("\n") + 1
 
 
-@given(st.text(st.sampled_from('GXYZT=()"; +-*/.,0159_AR\t\x00\xff'), max_size=40))
-@settings(max_examples=500, deadline=None)
+@fuzzed(st.text(st.sampled_from('GXYZT=()"; +-*/.,0159_AR\t\x00\xff'), max_size=40))
 def test_no_text_crashes_the_reader(text):
     try:
         statements("G0 B0 C0\nTRAORI\n" + text)

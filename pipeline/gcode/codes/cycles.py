@@ -89,6 +89,14 @@ class Hole:
             self.point[axis] += sign * amount
         self.rapid(self.point[self.normal])
 
+    def off_the_wall(self, level: float, direction: int) -> None:
+        """With the spindle at rest beside the wall to a level; then it turns in ``direction``."""
+        self.spindle(0)
+        self.shift(1)
+        self.rapid(level)
+        self.shift(-1)
+        self.spindle(direction)
+
 
 def _drilling(hole: Hole, level: float) -> None:
     """G81, and G82 with a dwell."""
@@ -159,11 +167,7 @@ def _fine_boring(hole: Hole, level: float) -> None:
     direction = hole.run.state.direction
     hole.feed(hole.bottom)
     hole.dwell()
-    hole.spindle(0)
-    hole.shift(1)
-    hole.rapid(level)
-    hole.shift(-1)
-    hole.spindle(direction)
+    hole.off_the_wall(level, direction)
 
 
 def _boring(hole: Hole, level: float) -> None:
@@ -194,20 +198,12 @@ def _back_boring(hole: Hole, level: float) -> None:
         hole.rapid(hole.plane_r)
         if not hole.run.state.absolute:
             high += low
-    hole.spindle(0)
-    hole.shift(1)
-    hole.rapid(low)
-    hole.shift(-1)
-    hole.spindle(direction)
+    hole.off_the_wall(low, direction)
     hole.feed(high)
     hole.dwell()
     if linuxcnc:
         hole.feed(low)
-    hole.spindle(0)
-    hole.shift(1)
-    hole.rapid(level)
-    hole.shift(-1)
-    hole.spindle(direction)
+    hole.off_the_wall(level, direction)
 
 
 def _boring_manual_retract(hole: Hole, level: float) -> None:

@@ -202,13 +202,9 @@ def _centre_words(run: Run, block: Block, start: list[float]) -> tuple[float, fl
 
 
 def _check_radii(
-    run: Run,
-    block: Block,
-    word: WordItem | None,
-    start: list[float],
-    end: list[float],
+    run: Run, block: Block, word: WordItem | None, start: list[float], end: list[float],
     centre: tuple[float, float],
-) -> None:
+) -> None:  # fmt: skip
     first, second, _ = IN_PLANE[run.state.plane]
     u_c, v_c = centre
     tolerance, relative = run.setup.arc_tolerance, 0.0

@@ -89,13 +89,9 @@ def cutter_side(run: Run, block: Block, code: int, item: WordItem) -> None:
     state.compensation = side
     if radius != 0:
         run.contour = Contour(
-            side=1 if side == 41 else -1,
-            radius=radius,
-            plane=state.plane,
-            first=run.rows.count,
-            start=tuple(state.position),
-            word=item.text,
-        )
+            side=1 if side == 41 else -1, radius=radius, plane=state.plane, first=run.rows.count,
+            start=tuple(state.position), word=item.text,
+        )  # fmt: skip
 
 
 def _radius(run: Run, block: Block, code: int, item: WordItem) -> float:

@@ -39,14 +39,10 @@ class SiemensReader:
         defined = {str(name).lower(): "REAL" for name in setup.parameters}
         unit = INCH if setup.inch else 1.0
         self.memory = ModalMemory(
-            dict(setup.tool_names),
-            defined=defined,
-            common=frozenset(defined),
-            unit=unit,
-            store=store,
-            note=note,
+            dict(setup.tool_names), defined=defined, common=frozenset(defined), unit=unit,
+            store=store, note=note,
             radii={number: tool.diameter / 2 for number, tool in setup.tools.items()},
-        )
+        )  # fmt: skip
 
     def statement(self, line: Line, file: str = "") -> Statement:
         """Statement of the next line, of another ``file`` in a subprogram; may raise GcodeError."""

@@ -71,14 +71,9 @@ class _LineParser:
             self._item()
         self._check_comments()
         return Statement(
-            self.line.number,
-            self.line.skip,
-            self.number,
-            tuple(self.words),
-            tuple(self.assignments),
-            self.control,
-            tuple(self.cursor.comments),
-        )
+            self.line.number, self.line.skip, self.number, tuple(self.words),
+            tuple(self.assignments), self.control, tuple(self.cursor.comments),
+        )  # fmt: skip
 
     def _item(self) -> None:
         cursor = self.cursor

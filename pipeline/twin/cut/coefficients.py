@@ -119,11 +119,9 @@ def identified_no_load(model: CuttingModel | None) -> tuple[float, ...] | None:
 
 
 def tool_coefficients(
-    tools: Mapping[int, Tool],
-    name: str,
-    material: Material,
+    tools: Mapping[int, Tool], name: str, material: Material,
     identified: IdentifiedCoefficients | None,
-) -> dict[int, ToolCoefficients]:
+) -> dict[int, ToolCoefficients]:  # fmt: skip
     """Force law of each tool in a material, ``name`` in conf/material/.
 
     The ``identified`` law of the machine holds for tools of its kind, diameter and flutes in its

@@ -73,12 +73,9 @@ def _clipped(cut: Cut, table: StabilityTable) -> Floats:
 
 
 def table_of(
-    cut: Cut,
-    blocks: CutBlocks,
-    dynamics: TipDynamics,
-    nodes_rpm: Floats | None = None,
+    cut: Cut, blocks: CutBlocks, dynamics: TipDynamics, nodes_rpm: Floats | None = None,
     most: float = MOST,
-) -> tuple[StabilityTable, Immersions] | None:
+) -> tuple[StabilityTable, Immersions] | None:  # fmt: skip
     """Table of stability of a cut at ``nodes_rpm``, by default the speeds of the program.
 
     Margins above ``most`` are not resolved; None where no tool that cuts has known dynamics.

@@ -127,12 +127,9 @@ def electricity(
     turning = plan.spindle_speed > 0
     no_load = np.where(turning, no_load_power(plan.spindle_speed / 60, drive), 0.0)
     return energy(
-        parameters,
-        times=plan.time,
-        spindle_W=spindle_supply(cutting, no_load, drive),
-        moving=np.where(plan.path.motion != Motion.STILL, share, 0.0),
-        coolant=coolant_on(cut),
-    )
+        parameters, times=plan.time, spindle_W=spindle_supply(cutting, no_load, drive),
+        moving=np.where(plan.path.motion != Motion.STILL, share, 0.0), coolant=coolant_on(cut),
+    )  # fmt: skip
 
 
 def coolant_on(cut: Cut) -> Floats:
@@ -351,17 +348,12 @@ def cut_trace(cut: Cut, arcs: StationArcs, columns: int = COLUMNS) -> Engagement
 
     load, axial, radial = cut.station_loads.peak, engagement.axial_depth * 1e3, arcs.radial * 1e3
     return EngagementTrace(
-        total_s=round(total, 3),
-        load_N_low=lowest(load),
-        load_N_high=highest(load),
-        axial_depth_mm_low=lowest(axial),
-        axial_depth_mm_high=highest(axial),
-        radial_depth_mm_low=lowest(radial),
-        radial_depth_mm_high=highest(radial),
-        entry_deg=lowest(np.degrees(arcs.entry)),
-        exit_deg=highest(np.degrees(arcs.exit)),
+        total_s=round(total, 3), load_N_low=lowest(load), load_N_high=highest(load),
+        axial_depth_mm_low=lowest(axial), axial_depth_mm_high=highest(axial),
+        radial_depth_mm_low=lowest(radial), radial_depth_mm_high=highest(radial),
+        entry_deg=lowest(np.degrees(arcs.entry)), exit_deg=highest(np.degrees(arcs.exit)),
         tools=_tools(cut, begin, total),
-    )
+    )  # fmt: skip
 
 
 def stations_of_columns(low: Rows, high: Rows) -> tuple[Rows, Rows]:
