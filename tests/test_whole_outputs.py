@@ -52,7 +52,7 @@ COMMANDS = {
         outputs=("o.nc", "o.json", "o.html"),
     ),
     "predict": Written(
-        words=("predict", MACHINE, "spindle", "hour.parquet", "--out", "p.csv"),
+        words=("predict", "-m", MACHINE, "spindle", "hour.parquet", "--out", "p.csv"),
         outputs=("p.csv",),
     ),
     "synthesise": Written(
@@ -64,12 +64,12 @@ COMMANDS = {
                       outputs=("in",), stated=False),
     "report": Written(words=("report", "--out", "pages"), outputs=("pages",), stated=False),
     "golden": Written(
-        words=("golden", MACHINE, "--first", "2026-01-19", "--last", "2026-01-20"),
+        words=("golden", "-m", MACHINE, "--first", "2026-01-19", "--last", "2026-01-20"),
         outputs=(f"data/golden/{MACHINE}.json",), stated=False,
     ),
     "fleet": Written(words=("fleet", "recorded"), outputs=("conf/fleet/active.yaml",),
                      stated=False),
-    "promote": Written(words=("promote", MACHINE, "--why", "w", "--to", "2"),
+    "promote": Written(words=("promote", "-m", MACHINE, "--why", "w", "--to", "2"),
                        outputs=("champions.json",), stated=False),
 }  # fmt: skip
 QUICK = ("interpret", "fleet")

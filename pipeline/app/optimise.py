@@ -9,7 +9,7 @@ from types import FrameType
 from typing import TypeVar
 
 from pipeline.app.cut import CutOptions, edge_lines, warning_lines, workshop_of
-from pipeline.app.output import NONE, aligned, between, many, rounded
+from pipeline.app.output import NONE, aligned, between, label, many, rounded
 from pipeline.app.programs import Controlled, machine_residual, verdict_lines
 from pipeline.gcode.moves import Moves
 from pipeline.optimisation.document import optimised_part, optimised_text
@@ -120,10 +120,9 @@ TOTALS = (
 
 def optimise_lines(part: OptimisedPart) -> Iterator[str]:
     """Before and after, certainty, methods, what binds, what was changed, what is not known."""
-    label = " (simulated)" if part.origin == "simulated" else ""
     source = "identified" if part.control == "identified" else "as in conf, times unproven"
     yield (
-        f"{part.program} on {part.machine}{label}, control {source}: "
+        f"{part.program} on {part.machine}{label(part.origin)}, control {source}: "
         f"{part.objective}, {part.stock} in {part.material}"
     )
     if part.machine_unit is not None:

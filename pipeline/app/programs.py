@@ -13,7 +13,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow import csv
 
-from pipeline.app.fleet import DATA, machine_parameters
+from pipeline.app.fleet import DATA, machine_parameters, outside_fleet
 from pipeline.app.output import check_outputs
 from pipeline.app.tables import section
 from pipeline.cutting.economics.spindle_power import SpindleDrive
@@ -232,7 +232,8 @@ def model_folder(machine: str, model: str = CHAMPION) -> Path:
     if model != LATEST:
         raise ValueError(f"--model {model} is neither champion nor latest: name one of them")
     if not (DATA / "models" / machine).is_dir():
-        raise ValueError(f"data/models/{machine} does not exist: run `dvc repro` to identify it")
+        why = outside_fleet(machine) or "run `dvc repro` to identify it"
+        raise ValueError(f"data/models/{machine} does not exist: {why}")
     return DATA / "models" / machine
 
 
@@ -240,8 +241,18 @@ def stored_model(machine: str, model: str, one: "SubModel[Any, Any, Any]") -> Pa
     """Folder of one sub-model's model."""
     folder = model_folder(machine, model) / one.name
     if not (folder / "model.json").exists():
-        raise ValueError(f"{folder} holds no model: {machine} needs {one.needs}")
+        why = outside_fleet(machine) or f"{machine} needs {one.needs}"
+        raise ValueError(f"{folder} holds no model: {why}")
     return folder
+
+
+def model_lines(head: str, models: Path, status: str, name: str) -> Iterator[str]:
+    """Head of a report on one model's answer, with what is to be known of the model."""
+    yield head
+    if "champion" not in models.parts:
+        yield f"with {models.as_posix()}, not with the champion"
+    if status != "passed":
+        yield f"WARNING: the {name} {VERDICT_WORDS[status]}"
 
 
 def passed_status(folder: Path, name: str, use: str = "use it", *, anyway: bool) -> str:

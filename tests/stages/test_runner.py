@@ -161,8 +161,5 @@ def test_a_machine_without_a_sub_model_has_its_folders_and_no_champion(
     simulate(Path("raw"), serves / "control/model.json", programs,
              identity=None, setup=None, control_records=None)  # fmt: skip
     assert list(programs.iterdir()) == []
-    (tmp_path / "params.yaml").write_text(
-        yaml.safe_dump({"fleet": {"name": "bare", "machines": ["bare"]}})
-    )
-    (row,) = status("bare")
+    (row,) = status("bare", ())
     assert (row["machine"], row["latest"]) == ("bare", NO_SUBMODEL)
