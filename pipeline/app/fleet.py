@@ -64,10 +64,10 @@ def check_machine(machine: str) -> None:
     if machine in names:  # which no path is
         return
     near = get_close_matches(machine, names)
-    meant = f"did you mean {' or '.join(near)}? " if near else ""
+    meant = f"; did you mean {' or '.join(near)}?" if near else "."
     raise ValueError(
         f"conf/machine/{machine}.yaml does not exist; known machines: {', '.join(names) or 'none'}"
-        f". {meant}Run kerf in the project's folder, or write that file"
+        f"{meant} Run kerf in the project's folder, or write that file"
     )
 
 

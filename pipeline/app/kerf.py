@@ -16,6 +16,8 @@ from pipeline.app.output import log_to_standard_error
 from pipeline.schema.limits import limit_words
 
 _UsageError: Any = typer.BadParameter.__base__
+NUMBERS = {"int_parsing": "whole number", "float_parsing": "number"}
+"""Names of the numbers that an option takes, by the error of one that is none."""
 
 
 class _OneSentence(TyperGroup):
@@ -42,15 +44,16 @@ class _OneSentence(TyperGroup):
         params: list[Any] = [] if command is None or ctx.resilient_parsing else [*command.params]
         options = {word: one for one in params for word in one.opts if word.startswith("-")}
         k = 0
-        while k < len(words):
+        while k < len(words) and words[k] != "--":
             option = options.get(words[k])
             many = 0 if option is None or option.is_flag or option.count else option.nargs
             values = words[k + 1 : k + 1 + many]
             if option and (len(values) < many or any(one in options for one in values)):
-                given = " ".join(takewhile(lambda word: word not in options, values))
                 needs = f"{many} values" if many > 1 else "a value"
-                said = f"{words[k]} {given}".rstrip()
-                raise _UsageError(f"{said} is not whole, it needs {needs}: {option.help}", ctx)
+                given = " ".join(takewhile(lambda word: word not in options, values))
+                lack = f", {given} alone is given" if given else ""
+                helped = f"{option.help.rstrip('.')}; see `{ctx.command_path} {name} --help`"
+                raise _UsageError(f"{words[k]} needs {needs}{lack}: {helped}")
             k += 1 + many
         return name, command, words
 
@@ -66,10 +69,6 @@ def _usage_sentence(error: Any) -> str:
     if said.startswith("Missing option '--machine'"):
         said += f": name the machine as in `{error.ctx.command_path} --machine mill00`"
     return said
-
-
-NUMBERS = {"int_parsing": "whole number", "float_parsing": "number"}
-"""Names of the numbers that an option takes, by the error of one that is none."""
 
 
 PROJECT = "Project and fleet, as in: kerf fleet demo"

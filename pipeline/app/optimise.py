@@ -25,6 +25,15 @@ from pipeline.schema.store import write_bytes, write_json
 from pipeline.twin.cut.axes import half_widths
 
 T = TypeVar("T")
+TOTALS = (
+    ("time", "s", "time_s", 1, "time_percent"),
+    ("cost", None, "cost", 1, "cost_percent"),
+    ("energy", "kWh", "energy_kWh", 1, "energy_percent"),
+    ("tool life", "%", "tool_life_share", 100, "tool_life_percent"),
+    ("peak load", "N", "peak_load_N", 1, None),
+    ("beyond", "blocks", "beyond", 1, None),
+)
+"""Name, unit (the currency where None), key, factor, key of the change."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,17 +114,6 @@ def interruptible(said: Callable[[], None]) -> Iterator[Callable[[], bool]]:
         yield lambda: asked
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-TOTALS = (
-    ("time", "s", "time_s", 1, "time_percent"),
-    ("cost", None, "cost", 1, "cost_percent"),
-    ("energy", "kWh", "energy_kWh", 1, "energy_percent"),
-    ("tool life", "%", "tool_life_share", 100, "tool_life_percent"),
-    ("peak load", "N", "peak_load_N", 1, None),
-    ("beyond", "blocks", "beyond", 1, None),
-)
-"""Name, unit (the currency where None), key, factor, key of the change."""
 
 
 def optimise_lines(part: OptimisedPart) -> Iterator[str]:

@@ -123,14 +123,8 @@ class Controlled:
 def machine_setup(machine: str | None, dialect: str | None) -> Setup:
     """The set-up of ``machine`` (a Fanuc without offsets when it has none), in ``dialect``."""
     sections = {} if machine is None else machine_parameters(machine)["machine"][machine]
-    setup = _setup(sections)
+    setup = section(sections, "setup", Setup) or Setup()
     return setup if dialect is None else replace(setup, dialect=dialect)  # type: ignore[arg-type]
-
-
-def _setup(sections: dict[str, Any]) -> Setup:
-    if "setup" not in sections:
-        return Setup()
-    return structure({"setup": sections["setup"]}, "setup", Setup)
 
 
 def machine_limits(sections: Mapping[str, Any], setup: Setup) -> MachineLimits:
@@ -172,17 +166,19 @@ def passed_over(path: Path, setup: Setup) -> Iterator[str]:
         return
     blocks = [] if program.ends_blocks else program.remarked_blocks()
     if blocks:
-        where = ", ".join(map(str, blocks[:5])) + " …" * (len(blocks) > 5)
         yield (
-            f"{path.name}: what stands behind ; is a comment here and was left out (line {where}): "
-            "end each line of code with ; where it ends blocks"
+            f"{path.name}: what stands behind ; is a comment here and was left out "
+            f"({_first_lines(blocks)}): end each line of code with ; where it ends blocks"
         )
     for word, places in output_lines(program.data).items():
-        where = ", ".join(map(str, places[:5])) + " …" * (len(places) > 5)
         yield (
-            f"{path.name}: {word} is passed over (line {where}): it writes to a device or names "
-            "variables, and moves nothing"
+            f"{path.name}: {word} is passed over ({_first_lines(places)}): it writes to a device "
+            "or names variables, and moves nothing"
         )
+
+
+def _first_lines(lines: Sequence[int]) -> str:
+    return f"line {', '.join(map(str, lines[:5]))}{' …' * (len(lines) > 5)}"
 
 
 _UNITS = re.compile(rb"(?i)G0*(?:2[01]|7[01]0?)(?![.\d])|[XYZ]\s*=?[-+.\d#\[]")
@@ -270,18 +266,33 @@ def passed_status(folder: Path, name: str, use: str = "use it", *, anyway: bool)
 
 
 def machine_control(machine: str, unit: str | None, model: str = CHAMPION) -> Controlled:
-    """The machine with its control, as :func:`simulate_program` takes it."""
+    """The machine with its control: the one of ``model``, else that of its file."""
+    from pipeline.twin.control import control_of_unit, read_controls
+
     parameters = machine_parameters(machine)
-    sections = parameters["machine"][machine]
-    folder = model_folder(machine, model)
-    control, identified = _control(machine, sections, unit, folder)
+    sections, models = parameters["machine"][machine], model_folder(machine, model)
     records = sections.get("control_records", {})
-    units = tuple(records.get("units", ()))
+    setup = section(sections, "setup", Setup) or Setup()
+    units, default = tuple(records.get("units", ())), str(records.get("default_unit", ""))
+    if unit is not None and unit not in units:
+        if not units:
+            raise ValueError(f"{machine} has no units: leave --unit out")
+        raise ValueError(f"{machine} has no unit {unit!r}: name one of {', '.join(units)}")
+    found = models / "control/model.json"
+    if found.exists():
+        control = control_of_unit(read_controls(found), unit or default)
+    elif "control" in sections:
+        known = of_dialect(sections["control"], setup.dialect)
+        control = structure({"control": known}, "control", ControlParameters)
+    else:
+        raise ValueError(
+            f"conf/machine/{machine}.yaml has no section control and none was identified: "
+            "write its axes there, or log runs of programs and run `dvc repro`"
+        )
     return Controlled(
-        machine=machine, unit=unit or str(records.get("default_unit", "")),
-        chosen=unit is not None, units=units, control=control, identified=identified,
-        setup=_setup(sections), parameters=parameters,
-        origin=str(sections["identity"].get("origin", "recorded")), models=folder,
+        machine=machine, unit=unit or default, chosen=unit is not None, units=units,
+        control=control, identified=found.exists(), setup=setup, parameters=parameters,
+        origin=str(sections["identity"].get("origin", "recorded")), models=models,
     )  # fmt: skip
 
 
@@ -308,30 +319,6 @@ def needed_drives(on: Controlled, option: str) -> Path:
             "servos and run `dvc repro`"
         )
     return found
-
-
-def _control(
-    machine: str, sections: dict[str, Any], unit: str | None, models: Path
-) -> tuple[ControlParameters, bool]:
-    from pipeline.twin.control import control_of_unit, read_controls
-
-    found = models / "control/model.json"
-    records = sections.get("control_records", {})
-    units = records.get("units", {})
-    if unit is not None and not units:
-        raise ValueError(f"{machine} has no units: leave --unit out")
-    if unit is not None and unit not in units:
-        raise ValueError(f"{machine} has no unit {unit!r}: name one of {', '.join(units)}")
-    if found.exists():
-        name = records.get("default_unit", "") if unit is None else unit
-        return control_of_unit(read_controls(found), name), True
-    if "control" not in sections:
-        raise ValueError(
-            f"conf/machine/{machine}.yaml has no section control and none was identified: "
-            "write its axes there, or log runs of programs and run `dvc repro`"
-        )
-    known = of_dialect(sections["control"], _setup(sections).dialect)
-    return structure({"control": known}, "control", ControlParameters), False
 
 
 def verdict_lines(models: Iterable[UsedModel]) -> Iterator[str]:

@@ -31,6 +31,13 @@ from pipeline.submodels.spindle.submodel import SUBMODEL
 from pipeline.submodels.spindle.transfer import Transfer, TransferPoint, TransferSettings, transfer
 from pipeline.twin.spindle import TARGET, SpindleModelFile, SpindleRecords, spindle_stretches
 
+TOP, HEIGHT = 26.0, 250.0
+"""Place of the curves below the figure's upper edge, and their height [px]."""
+MOST_DAYS = 7
+"""Days judged that are named one by one [1]."""
+NONE_LEADS = "None of the three"
+"""Beginning of a transfer's sentence where no parameters lead."""
+
 
 def transfer_curve(
     machine: str,
@@ -140,14 +147,6 @@ def transfer_table(result: Transfer) -> list[str]:
         f"{', '.join(result.not_transferred)}."
     ]
     return [*lines, result.sentence, *(lacking if result.not_transferred else [])]
-
-
-TOP, HEIGHT = 26.0, 250.0
-"""Place of the curves below the figure's upper edge, and their height [px]."""
-MOST_DAYS = 7
-"""Days judged that are named one by one [1]."""
-NONE_LEADS = "None of the three"
-"""Beginning of a transfer's sentence where no parameters lead."""
 
 
 @dataclass(frozen=True, kw_only=True)
