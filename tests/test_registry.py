@@ -140,6 +140,7 @@ def files_of(root: Path) -> dict[str, bytes]:
             if path.is_file()}  # fmt: skip
 
 
+@pytest.mark.proof  # by a promotion too, in the ordinary suite
 def test_a_store_that_was_deleted_is_filled_again(root: Path) -> None:
     serves = (root / CHAMPION / "bundle.json").read_bytes()
     (root / "mlflow.db").unlink()

@@ -20,7 +20,7 @@ import pytest
 
 from tests import bundled_project
 from tests.fuzz.seeds import LOGS
-from tests.small_project import MACHINE, ROOT
+from tests.small_project import MACHINE, ROOT, leave, with_conf
 from tests.submodels.synthesis import generated_lives
 from tests.test_optimise_command import GIVEN, PART
 
@@ -79,8 +79,7 @@ QUICK = ("interpret", "fleet")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project in which the quick commands have something to write."""
     root = tmp_path_factory.mktemp("plain") / "project"
-    root.mkdir()
-    shutil.copytree(ROOT / "conf", root / "conf", symlinks=True)
+    leave(with_conf(root), "recorded", "mazak01")
     (root / "params.yaml").write_text("fleet: {name: one}\n")
     (root / "part.nc").write_text(PART)
     return root
