@@ -317,13 +317,12 @@ def made_with(machine: str, names: Sequence[str], root: Path) -> dict[str, Any]:
     return found
 
 
-def status(machine: str, root: Path = Path()) -> list[dict[str, str]]:
-    """Rows for ``kerf status``: one for each sub-model of a machine that the fleet builds.
+def status(machine: str, names: Sequence[str], root: Path = Path()) -> list[dict[str, str]]:
+    """Rows for ``kerf status``: one for each of the sub-models of a machine.
 
     Columns: ``machine``, ``origin``, ``sub-model``, ``latest`` and ``champion`` (verdicts),
     ``serving`` and ``challenger`` (versions).  A missing champion is filled into the store first.
     """
-    names = _names(machine, root)
     if not names:
         keys = ("origin", "sub-model", "latest", "champion", "serving", "challenger")
         return [{"machine": machine, **dict.fromkeys(keys, "-"), "latest": NO_SUBMODEL}]

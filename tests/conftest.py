@@ -3,6 +3,7 @@
 import gc
 import os
 import pickle
+import shutil
 from collections.abc import Iterator
 from hashlib import sha256
 from pathlib import Path
@@ -127,3 +128,11 @@ def browser(tmp_path_factory):
     driver = webdriver.Chrome(options=options, service=Service(str(DRIVER)))
     yield driver
     driver.quit()
+
+
+@pytest.fixture
+def project(template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the module's ``template`` of a project, to work in."""
+    root = Path(shutil.copytree(template, tmp_path / "project", symlinks=True))
+    monkeypatch.chdir(root)
+    return root

@@ -52,6 +52,7 @@ def _params_of_one_week() -> dict[str, Any]:
     """Parameters of the project, composed once: that takes longer than most of its tests."""
     with TemporaryDirectory() as name:
         folder = with_conf(Path(name))
+        leave(folder, "active", MACHINE)
         with inside(folder):
             run("compose", "conf", "params.yaml", "data/settings")
         change(folder, "fleet", machines=[MACHINE], simulated=[MACHINE],

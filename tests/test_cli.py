@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 from click.testing import Result
+from numba import njit
 from typer.testing import CliRunner
 
 import pipeline.app.kerf as kerf_options
@@ -25,6 +26,7 @@ import pipeline.app.program_commands  # noqa: F401, its commands
 from pipeline.app.commands import app
 from pipeline.app.compensation import FORMATS
 from pipeline.app.fleet import machine_parameters
+from pipeline.app.output import announced, log_to_standard_error
 from pipeline.app.programs import CHAMPION, LATEST
 from pipeline.gcode.setup import Setup
 from pipeline.optimisation.settings import Grouping
@@ -179,7 +181,7 @@ def test_an_unknown_machine_is_named_with_those_known(project: Path, tmp_path: P
     (tmp_path / "log.txt").write_bytes(LOGS[6])
     for words in (
         ("ingest", tmp_path / "log.txt", "--machine", "lathe9", "--out", tmp_path / "out"),
-        ("golden", "lathe9", "--first", MONDAY, "--last", MONDAY),
+        ("golden", "-m", "lathe9", "--first", MONDAY, "--last", MONDAY),
     ):
         said = refused(project, *words)
         assert "conf/machine/lathe9.yaml does not exist" in said
@@ -197,14 +199,6 @@ def ingest_command(tmp_path: Path) -> list[str]:
     (tmp_path / "log.txt").write_bytes(LOGS[6])
     return [sys.executable, "-m", "pipeline.app", "ingest", str(tmp_path / "log.txt"),
             "--machine", MACHINE, "--out", str(tmp_path / "out")]  # fmt: skip
-
-
-def test_there_is_no_bar_where_nobody_looks(project: Path, tmp_path: Path) -> None:
-    done = subprocess.run(
-        ingest_command(tmp_path), cwd=project, capture_output=True, text=True, check=True
-    )
-    assert done.stderr.startswith("kerf: ") and done.stderr.count("\n") == 1
-    assert "\x1b" not in done.stderr + done.stdout
 
 
 def test_there_is_a_bar_where_a_person_looks(project: Path, tmp_path: Path) -> None:
@@ -254,42 +248,11 @@ def test_status_without_a_registry(project: Path) -> None:
     assert not (project / "mlflow.db").exists()
 
 
-def test_status_and_promotion_with_a_registry(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A first bundle serves, a second that is better by 2 K becomes champion, a third failed."""
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
-    root = bundled_project.project(tmp_path / "project")
-    (root / "conf").symlink_to(ROOT / "conf")
-    for error in (2.0, 0.0):
-        bundled_project.spindle(root, error_K=error)
-        bundled_project.registered(root)
-    (row,) = rows_of(kerf(root, "status"))
-    assert row == {
-        "machine": MACHINE, "origin": "simulated", "sub-model": "spindle", "latest": "passed",
-        "champion": "passed", "serving": "version 1", "challenger": "version 2",
-    }  # fmt: skip
-    assert "Missing option '--why'" in kerf(root, "promote", MACHINE).stderr
-    done = kerf(root, "promote", MACHINE, "--why", "two kelvin better")
-    assert (done.exit_code, done.stdout) == (
-        0, f"{MACHINE}: version 2 is champion; commit champions.json\n",
-    )  # fmt: skip
-    (row,) = rows_of(kerf(root, "status"))
-    assert row["serving"].startswith("version 2 since 20") and row["challenger"] == "-"
-    again = refused(root, "promote", MACHINE, "--why", "once more")
-    assert f"{MACHINE} has no challenger: run `dvc repro`" in again
-    bundled_project.spindle(root, mae_K=1e-6)
-    said = refused(root, "promote", MACHINE, "--why", "why not")
-    assert f"the newest bundle of {MACHINE} may not serve: its spindle failed" in said
-    done = kerf(root, "promote", MACHINE, "--why", "back", "--to", "1")
-    assert done.stdout.startswith(f"{MACHINE}: version 1 is champion")
-
-
 def test_a_table_is_predicted_with_the_champion_or_the_latest(tmp_path: Path) -> None:
     root = bundled_project.project(tmp_path / "project")
     (root / "conf").symlink_to(ROOT / "conf")
     bundled_project.hour(root).to_parquet(root / "hour.parquet")
-    words = ("predict", MACHINE, "spindle", "hour.parquet", "--out")
+    words = ("predict", "-m", MACHINE, "spindle", "hour.parquet", "--out")
     assert "holds no model" in refused(root, *words, "p.parquet")
     bundled_project.spindle(root)
     assert f"data/champion/{MACHINE}/spindle holds no model" in refused(root, *words, "p.parquet")
@@ -305,9 +268,11 @@ def test_a_table_is_predicted_with_the_champion_or_the_latest(tmp_path: Path) ->
     (root / "bare.csv").write_text("time\n2026-01-05T08:00:00Z\n")
     for table, said in (("bare.csv", "has no column"), ("none.csv", "none.csv")):
         assert said in refused(
-            root, "predict", MACHINE, "spindle", table, "--out", "q.csv", *latest
+            root, "predict", "-m", MACHINE, "spindle", table, "--out", "q.csv", *latest
         )
-    said = refused(root, "predict", MACHINE, "rust", "hour.parquet", "--out", "q.csv", *latest)
+    said = refused(
+        root, "predict", "-m", MACHINE, "rust", "hour.parquet", "--out", "q.csv", *latest
+    )
     assert "'rust'" in said
     assert not (root / "q.csv").exists()
 
@@ -346,6 +311,19 @@ def test_another_fleet_is_made_active(project: Path) -> None:
     assert all((project / "data" / name).is_dir() for name in ("truth", "programs", "trials"))
     kerf(project, "fleet", first)
     assert (active(project), lock.read_text()) == (first, "of the first fleet")
+
+
+def test_what_was_never_built_says_which_fleet_builds_it(project: Path) -> None:
+    leave(project, "recorded", "mazak01")
+    kerf(project, "fleet", "recorded")
+    (row, *_) = rows_of(kerf(project, "status"))
+    assert (row["machine"], row["latest"]) == ("mazak01", "not built: run `dvc repro`")
+    said = "mill01 is not in the fleet recorded, which is built here: run `kerf fleet demo`"
+    for words in (
+        ("records", "-m", MACHINE), ("compensation", "-m", MACHINE, "--out", "c.csv"),
+        ("transfer", "-m", "mazak01", "--golden", MACHINE, "--out", "t.json"),
+    ):  # fmt: skip
+        assert said.partition("run")[0] in refused(project, *words)
 
 
 def test_no_lock_is_lost_where_the_active_fleet_cannot_be_read(project: Path) -> None:
@@ -471,7 +449,7 @@ def sets_of(project: Path) -> GoldenSets:
 
 def frozen(project: Path, *words: str) -> FrozenSet:
     """What ``kerf golden`` freezes; it says how much and with which hash."""
-    done = kerf(project, "golden", MACHINE, *words)
+    done = kerf(project, "golden", "-m", MACHINE, *words)
     assert done.exit_code == 0, done.output
     sets = sets_of(project)
     found = sets.sealed if "--sealed" in words else sets.golden
@@ -520,10 +498,12 @@ def test_a_part_of_a_table_is_frozen_by_the_values_of_its_columns(ingested: Path
     found = frozen(ingested, "--files", "cuts.csv#tool=T3")
     assert found.files == (SourceFile(file="cuts.csv#tool=T3", sha256="0" * 64),)
     both = ("--sealed", "--files", "cuts.csv")  # it holds the golden rows
-    assert "is in the golden set" in refused(ingested, "golden", MACHINE, *both)
+    assert "is in the golden set" in refused(ingested, "golden", "-m", MACHINE, *both)
     assert frozen(ingested, "--sealed", "--files", "cuts.csv#tool=T4").files
-    assert "no raw file" in refused(ingested, "golden", MACHINE, "--files", "cuts.csv#tool=T5")
-    assert "no column" in refused(ingested, "golden", MACHINE, "--files", "cuts.csv#tol=T3")
+    assert "no raw file" in refused(
+        ingested, "golden", "-m", MACHINE, "--files", "cuts.csv#tool=T5"
+    )
+    assert "no column" in refused(ingested, "golden", "-m", MACHINE, "--files", "cuts.csv#tol=T3")
 
 
 def test_a_log_that_is_named_beside_the_days_counts_as_a_whole(ingested: Path) -> None:
@@ -540,7 +520,7 @@ def test_a_committed_set_is_replaced_after_a_question(ingested: Path) -> None:
     for words in (("init", "-q"), ("add", "-f", "data/golden"), ("commit", "-qm", "frozen")):
         subprocess.run([*git, *words], check=True)
     before = sets_of(ingested)
-    said = refused(ingested, "golden", MACHINE, *week)
+    said = refused(ingested, "golden", "-m", MACHINE, *week)
     assert f"data/golden/{MACHINE}.json is committed" in said and "give --again" in said
     assert sets_of(ingested) == before
     frozen(ingested, "--files", TRACES[0])  # the same set
@@ -557,7 +537,7 @@ def test_a_file_is_in_one_of_the_two_sets(
     frozen(ingested, *first, "--first", MONDAY, "--last", "2026-01-18")
     before = sets_of(ingested)
     said = refused(
-        ingested, "golden", MACHINE, *second, "--files", "agent/2*", "--files", "servo/*"
+        ingested, "golden", "-m", MACHINE, *second, "--files", "agent/2*", "--files", "servo/*"
     )
     which = "sealed" if first else "golden"
     assert f"agent/2.txt is in the {which} set of {MACHINE} already" in said
@@ -576,7 +556,7 @@ def test_a_file_is_in_one_of_the_two_sets(
 def test_what_names_no_file_cannot_be_frozen(
     words: tuple[str, ...], said: str, ingested: Path
 ) -> None:
-    assert said in refused(ingested, "golden", MACHINE, *words)
+    assert said in refused(ingested, "golden", "-m", MACHINE, *words)
     assert not list((ingested / "data/golden").iterdir())
 
 
@@ -595,18 +575,22 @@ def test_a_week_that_cannot_be_frozen(first: str, last: str, said: str, project:
         folder = project / f"data/signals/{MACHINE}"
         folder.mkdir()
         (folder / "manifest.json").write_text('{"files": {}}')
-    assert said in refused(project, "golden", MACHINE, "--first", first, "--last", last)
+    assert said in refused(project, "golden", "-m", MACHINE, "--first", first, "--last", last)
     assert not list((project / "data/golden").iterdir())
 
 
 def test_days_without_a_record_are_answered_with_those_that_have_some(ingested: Path) -> None:
-    said = refused(ingested, "golden", MACHINE, "--first", "2026-01-07", "--last", "2026-01-08")
+    said = refused(
+        ingested, "golden", "-m", MACHINE, "--first", "2026-01-07", "--last", "2026-01-08"
+    )
     assert f"there are records of {MONDAY}, 2026-01-12, 2026-01-19" in said
     state = ingested / f"data/clean/{MACHINE}/state"
     state.mkdir(parents=True)
     for day in (MONDAY, "2026-01-06", "2026-01-08"):
         (state / f"{day}.parquet").touch()
-    said = refused(ingested, "golden", MACHINE, "--first", "2026-01-07", "--last", "2026-01-07")
+    said = refused(
+        ingested, "golden", "-m", MACHINE, "--first", "2026-01-07", "--last", "2026-01-07"
+    )
     assert said.endswith(f"there are records of {MONDAY} to 2026-01-06, 2026-01-08\n")
 
 
@@ -618,14 +602,6 @@ def test_the_report_is_written_where_it_is_asked_for(project: Path, tmp_path: Pa
     done = kerf(project, "report", "--out", tmp_path / "pages")
     assert (done.exit_code, done.stdout) == (0, f"wrote {tmp_path / 'pages/index.html'}\n")
     assert MACHINE in (tmp_path / "pages/index.html").read_text()
-
-
-def test_the_installed_command_is_this_one() -> None:
-    done = subprocess.run(
-        [Path(sys.executable).with_name("kerf"), "--help"], capture_output=True, text=True,
-        cwd=ROOT, check=True,
-    )  # fmt: skip
-    assert "ingest" in done.stdout
 
 
 def test_the_version_is_that_of_the_installed_package(project: Path) -> None:
@@ -680,6 +656,16 @@ def test_choices_stand_in_the_help_and_in_the_refusal(project: Path) -> None:
     ("words", "said"),
     [
         (("simulate",), "Missing argument 'program'"),
+        (("golden", MACHINE), "Missing option '--machine' / '-m': name the machine as in `"),
+        (("promote", "-m", "mil01", "--why", "x"), "did you mean mill"),
+        (("status", "--json"), "--json needs a value: JSON to write, - for standard output"),
+        (("check", "a.nc", "b.nc", "--json", "-m", MACHINE), "--json needs a value"),
+        (
+            ("optimise", "a.nc", "--feed", "50", "--out", "b.nc"),
+            "--feed needs 2 values, 50 alone is given: F",
+        ),
+        (("optimise", "a.nc", "-m", MACHINE, "--seed", "x"), "--seed x is no whole number: give"),
+        (("optimise", "a.nc", "-m", MACHINE, "--feed", "5", "y"), "--feed y is no number: give"),
         (("simulate", "p.nc", "--machin", "mill01"), "No such option"),
         (("cut",), "No such command 'cut'"),
     ],
@@ -739,7 +725,7 @@ def test_check_ingest_and_golden_speak_json(part: Path, tmp_path: Path) -> None:
 
 
 def test_a_frozen_set_is_told_as_json(ingested: Path) -> None:
-    words = ("golden", MACHINE, "--first", MONDAY, "--last", "2026-01-11", "--json", "-")
+    words = ("golden", "-m", MACHINE, "--first", MONDAY, "--last", "2026-01-11", "--json", "-")
     told = json.loads(kerf(ingested, *words).stdout)
     frozen_set = sets_of(ingested).golden
     assert frozen_set is not None and told["sha256"] == frozen_set.sha256
@@ -747,19 +733,19 @@ def test_a_frozen_set_is_told_as_json(ingested: Path) -> None:
     assert [one["file"] for one in told["files"]] == ["agent/1.txt"]
 
 
-def test_a_first_compilation_is_announced_once(tmp_path: Path) -> None:
-    (tmp_path / "loop.py").write_text(
-        "from numba import njit\n"
-        "from pipeline.app.output import announced\n"
-        "@njit\ndef twice(x): return 2 * x\n"
-        "@njit\ndef thrice(x): return twice(x) + x\n"
-        "with announced():\n    thrice(1), thrice(2), twice(1.0)\n"
-    )
-    done = subprocess.run(
-        [sys.executable, tmp_path / "loop.py"], capture_output=True, text=True, check=True,
-        cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
-    assert done.stderr.count("compiling loops for this processor") == 1
+def test_a_first_compilation_is_announced_once(capsys: pytest.CaptureFixture[str]) -> None:
+    @njit
+    def twice(x: float) -> float:
+        return 2 * x
+
+    @njit
+    def thrice(x: float) -> float:
+        return float(twice(x) + x)
+
+    log_to_standard_error(0, quiet=False)
+    with announced():
+        assert (thrice(1), thrice(2), twice(1.0)) == (3, 6, 2)
+    assert capsys.readouterr().err.count("compiling loops for this processor") == 1
 
 
 def test_what_conf_composes_to_is_kept_by_its_content(

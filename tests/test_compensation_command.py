@@ -5,16 +5,13 @@ import re
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
-from typer.testing import CliRunner
 
-from pipeline.app import commands
-from pipeline.app.kerf import app
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Verdict
 from pipeline.submodels.deformation.model import DeformationModel, Learnt, load_growth_model
@@ -22,11 +19,13 @@ from pipeline.submodels.deformation.records import AMBIENT, SPEED
 from pipeline.submodels.deformation.submodel import SUBMODEL
 from pipeline.thermal.sensors import lag
 from tests.small_project import ROOT
+from pipeline.thermal.lagged import lag
+from tests.served_project import MACHINE, served_project
+from tests.served_project import run as run_command
 from tests.submodels.deformation.growth_files import NAMES, made, table
 from tests.submodels.deformation.test_submodel import QUICK, ROLES, build, recordings
 
-assert commands
-MACHINE = "rig"
+run = partial(run_command, "compensation")
 CHANNELS = {
     "recordings": ["growth/*.csv"],
     "temperatures": {name: {"column": name} for name in NAMES},
@@ -40,27 +39,18 @@ CHANNELS = {
 def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("compensation")
     built = build(root / "built", recordings(), replace(QUICK, methods=("linear_sensors",)))
-    project = root / "project"
-    shutil.copytree(ROOT / "conf", project / "conf", symlinks=True)
-    machine = {
-        "identity": {"name": MACHINE, "origin": "simulated", "description": "made",
-                     "credit": "made"},
-        "roles": {"training": list(ROLES.training)}, "deformation_records": CHANNELS,
-    }  # fmt: skip
-    text = yaml.safe_dump(machine)
-    (project / f"conf/machine/{MACHINE}.yaml").write_text(text)
-    shutil.copytree(built.signals, project / f"data/signals/{MACHINE}")
-    for home in ("champion", "models"):
-        shutil.copytree(built.folder, project / f"data/{home}/{MACHINE}/deformation")
-        judged(project, "passed", home)
-    return project
+    verdict = read_json(built.folder / "verdict.json", Verdict)
+    return served_project(
+        root / "project", built.folder, replace(verdict, status="passed", reasons=()),
+        built.signals, roles={"training": list(ROLES.training)}, deformation_records=CHANNELS,
+    )  # fmt: skip
 
 
-def judged(project: Path, status: str, home: str = "champion") -> None:
+def judged(project: Path, status: str) -> None:
     """Give the stored verdict another status."""
-    path = project / f"data/{home}/{MACHINE}/deformation/verdict.json"
-    reasons = () if status == "passed" else ("largest error 9 um",)
-    write_json(replace(read_json(path, Verdict), status=status, reasons=reasons), path)
+    path = project / f"data/champion/{MACHINE}/deformation/verdict.json"
+    found = read_json(path, Verdict)
+    write_json(replace(found, status=status, reasons=("largest error 9 um",)), path)
 
 
 def test_an_interval_that_the_judge_calls_not_known_is_no_number(project: Path) -> None:
@@ -73,18 +63,6 @@ def test_an_interval_that_the_judge_calls_not_known_is_no_number(project: Path) 
     status, said = run("--out", "growth.csv")
     assert status == 0 and why in said
     assert "90 % interval of growth: not known" in Path("growth.csv").read_text()
-
-
-@pytest.fixture
-def project(template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    root = Path(shutil.copytree(template, tmp_path / "project", symlinks=True))
-    monkeypatch.chdir(root)
-    return root
-
-
-def run(*words: str) -> tuple[int, str]:
-    done = CliRunner().invoke(app, ["compensation", "--machine", MACHINE, *words])
-    return done.exit_code, done.output
 
 
 def test_the_table_gives_the_growth_that_the_model_predicts(project: Path) -> None:

@@ -1,13 +1,17 @@
 """The commands of docs/experiments.md on a project of two stages: settings, and what is plotted."""
 
+import io
 import os
 import re
 import subprocess
 import sys
+from contextlib import redirect_stdout
 from pathlib import Path
+from unittest import mock
 
 import pytest
 import yaml
+from dvc.cli import main as dvc
 from dvc.repo import Repo
 
 from pipeline.parameters import SETTINGS
@@ -33,6 +37,12 @@ def environment() -> dict[str, str]:
 
 
 def run(folder: Path, *words: str) -> str:
+    """Output of a command; one of DVC runs in this process, which has loaded it."""
+    if words[0] == "dvc":
+        said = io.StringIO()
+        with inside(folder), mock.patch.dict(os.environ, environment()), redirect_stdout(said):
+            assert dvc([*words[1:]]) == 0, words
+        return said.getvalue()
     done = subprocess.run(
         words, cwd=folder, env=environment(), capture_output=True, text=True, check=False
     )
@@ -43,7 +53,7 @@ def run(folder: Path, *words: str) -> str:
 @pytest.fixture(scope="module")
 def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Built and committed, then a comment of conf/ changed in a second commit."""
-    root = with_conf(tmp_path_factory.mktemp("project"))
+    root = with_conf(tmp_path_factory.mktemp("project"), "demo")
     stages = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
     compose = {**stages["compose"], "deps": ["conf"], "params": []}
     (root / "plotted.py").write_text(PLOTTED)
@@ -63,12 +73,11 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for number in range(2):
             with (root / "conf/config.yaml").open("a") as conf:
                 conf.write(f"# {number}\n")
-            with Repo() as repo:
-                if number == 0:
-                    repo.reproduce()
-                else:  # its commands in this process: only the composition has another input
-                    composition.compose(Path("conf"), Path("params.yaml"), Path(SETTINGS))
-                    repo.commit(force=True)
+            composition.compose(Path("conf"), Path("params.yaml"), Path(SETTINGS))
+            if number == 0:
+                run(root, sys.executable, "plotted.py")
+            with Repo() as repo:  # as if it had run the stages
+                repo.commit(force=True)
             run(root, "git", "add", ".")
             run(root, "git", "commit", "-q", "-m", str(number))
     return root

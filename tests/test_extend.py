@@ -15,6 +15,7 @@ import yaml
 
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
+from tests.small_project import leave
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "docs/extend.md").read_text()
@@ -47,6 +48,7 @@ def project(tmp_path: Path) -> Path:
     for path in ("conf/config.yaml", "conf/fleet/simulated.yaml"):
         (tmp_path / path).write_text(changed((ROOT / path).read_text(), path))
     shutil.copy(tmp_path / "conf/fleet/simulated.yaml", tmp_path / "conf/fleet/active.yaml")
+    leave(tmp_path, "active", "mill01")
     clean, manifest = tmp_path / "data/clean/mill01/state", {}
     clean.mkdir(parents=True)
     rng = np.random.default_rng(0)

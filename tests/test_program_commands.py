@@ -34,6 +34,7 @@ N90 G0 Z50.
 N100 M30
 %
 """
+SIMULATE = ("simulate", "part.nc", "--machine", "hurco")
 
 
 @pytest.fixture
@@ -60,7 +61,7 @@ def test_interpret_writes_a_row_a_move_in_mm(project: Path) -> None:
 
 def test_simulate_says_how_far_the_axes_are_behind(project: Path) -> None:
     """Where drives were identified; without, nothing is said of them."""
-    assert "behind" not in kerf(project, "simulate", "part.nc", "--machine", "hurco").stdout
+    assert "behind" not in kerf(project, *SIMULATE).stdout
     way = {"coulomb": 100.0, "static": 120.0, "stribeck_velocity": 0.005, "viscous": 300.0}
     axis = {
         "command_unit": "A", "force_unit": "N",
@@ -75,7 +76,7 @@ def test_simulate_says_how_far_the_axes_are_behind(project: Path) -> None:
     folder = project / "data/champion/hurco/drive"
     folder.mkdir(parents=True)
     (folder / "model.json").write_text(json.dumps(model | {"axes": {"X": axis}}))
-    done = kerf(project, "simulate", "part.nc", "--machine", "hurco", "--json", "times.json")
+    done = kerf(project, *SIMULATE, "--json", "times.json")
     assert done.exit_code == 0, done.output
     (told,) = json.loads((project / "times.json").read_text())["axes"]
     # X moves at 1200 mm/min, in no rapid: speed over loop gain
@@ -85,10 +86,10 @@ def test_simulate_says_how_far_the_axes_are_behind(project: Path) -> None:
     assert "X behind by up to" in done.stdout
     bare = axis | {"servo": None, "servo_reason": "no reference"}
     (folder / "model.json").write_text(json.dumps(model | {"axes": {"X": bare}}))
-    done = kerf(project, "simulate", "part.nc", "--machine", "hurco")
+    done = kerf(project, *SIMULATE)
     assert "X not followed: no reference" in done.stdout
     (folder / "model.json").write_text("{")
-    said = refused(project, "simulate", "part.nc", "--machine", "hurco")
+    said = refused(project, *SIMULATE)
     assert "model.json holds no identified drives" in said and "dvc repro" in said
 
 
@@ -101,7 +102,7 @@ def test_inch_programs_and_offsets_end_in_machine_millimetres(project: Path) -> 
 
 
 def test_simulate_says_how_long_and_writes_what_is_asked(project: Path) -> None:
-    done = kerf(project, "simulate", "part.nc", "--machine", "hurco", "--json", "times.json",
+    done = kerf(project, *SIMULATE, "--json", "times.json",
                 "--out", "trace.parquet")  # fmt: skip
     assert done.exit_code == 0 and "as in conf/machine/hurco.yaml" in done.stdout
     document = json.loads((project / "times.json").read_text())
@@ -133,27 +134,25 @@ def test_an_identified_control_goes_before_the_one_in_conf(project: Path) -> Non
     slow = replace(control, auxiliary=replace(control.auxiliary, tool_change=16.0))
     model = control_model(hurco02=control, hurco04=slow)
     write_json(model, project / "data/champion/hurco/control/model.json")
-    done = kerf(project, "simulate", "part.nc", "--machine", "hurco")
+    done = kerf(project, *SIMULATE)
     assert "control identified" in done.stdout
     assert f"{before.plan.total + 10:.1f} s" in done.stdout
-    words = ("simulate", "part.nc", "--machine", "hurco", "--unit", "hurco02", "--json", "o.json")
+    words = (*SIMULATE, "--unit", "hurco02", "--json", "o.json")
     other = kerf(project, *words)
     told = json.loads((project / "o.json").read_text())
     assert told["unit"] == "hurco02" and told["total_time_s_on_other_units"] == {}
-    default = kerf(project, "simulate", "part.nc", "--machine", "hurco", "--json", "d.json")
+    default = kerf(project, *SIMULATE, "--json", "d.json")
     document = json.loads((project / "d.json").read_text())
     assert document["unit"] == "hurco04"
     assert document["total_time_s_on_other_units"] == {"hurco02": told["total_time_s"]}
     assert "warning: on unit hurco04, the default one, which matters here" in default.stdout
     assert f"with --unit: hurco02 {told['total_time_s']:.1f} s" in default.stdout
     assert f"{before.plan.total:.1f} s" in other.stdout
-    assert "'hurco99'" in refused(
-        project, "simulate", "part.nc", "--machine", "hurco", "--unit", "hurco99"
-    )
+    assert "'hurco99'" in refused(project, *SIMULATE, "--unit", "hurco99")
 
 
 def test_the_champion_is_used_and_the_latest_only_where_it_is_named(project: Path) -> None:
-    words = ("simulate", "part.nc", "--machine", "hurco", "--json", "times.json")
+    words = (*SIMULATE, "--json", "times.json")
     said = refused(project, *words, "--model", "latest")
     assert "data/models/hurco does not exist: run `dvc repro`" in said
     assert "not one of 'champion', 'latest'" in refused(project, *words, "--model", "newest")
@@ -188,7 +187,7 @@ def test_a_control_that_did_not_pass_is_named(project: Path) -> None:
             judged_role=None, golden=None, scores=(),
         )  # fmt: skip
         write_json(verdict, folder / "verdict.json")
-        done = kerf(project, "simulate", "part.nc", "--machine", "hurco", "--json", "times.json")
+        done = kerf(project, *SIMULATE, "--json", "times.json")
         assert done.exit_code == 0, done.output
         document = json.loads((project / "times.json").read_text())
         assert next(iter(document)) == "verdicts"  # before all figures
@@ -204,13 +203,13 @@ def test_a_control_that_did_not_pass_is_named(project: Path) -> None:
 def test_a_control_without_a_verdict_is_not_judged_and_one_in_conf_not_identified(
     project: Path,
 ) -> None:
-    done = kerf(project, "simulate", "part.nc", "--machine", "hurco")
+    done = kerf(project, *SIMULATE)
     assert "control not identified: its values are those of conf/machine" in done.stdout
     with inside(project):
         plan = simulate_program(Path("part.nc"), "hurco", None, lambda done: None).plan
     model = control_model(hurco02=plan.path.control, hurco04=plan.path.control)
     write_json(model, project / "data/champion/hurco/control/model.json")
-    done = kerf(project, "simulate", "part.nc", "--machine", "hurco")
+    done = kerf(project, *SIMULATE)
     assert "WARNING: control not judged: no verdict.json stands beside its model" in done.stdout
 
 
@@ -219,7 +218,7 @@ def test_a_control_that_is_broken_is_one_sentence(project: Path) -> None:
     path.parent.mkdir(parents=True)
     for text, said in (("{", "is no JSON"), ("{}", "is not what this version stores")):
         path.write_text(text)
-        whole = refused(project, "simulate", "part.nc", "--machine", "hurco")
+        whole = refused(project, *SIMULATE)
         assert f"data/champion/hurco/control/model.json {said}" in whole and "dvc repro" in whole
 
 
@@ -228,21 +227,35 @@ def test_results_of_a_simulated_machine_are_labelled(project: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "word"),
+    ("text", "words", "said"),
     [
-        ("G1 X10.", "part.nc:1"),
-        ("M98 P77", "77"),
-        ("GOTO 7", "7"),
-        ("G83 Z-50. R2. Q0.00001 F100.", "pecks"),
-        ("G1 F100. U5.", "U5."),
-        ("\x00\xff", "part.nc:1"),
+        ("G1 X10.\nM30\n", SIMULATE, "part.nc:1"),
+        ("M98 P77\nM30\n", SIMULATE, "77"),
+        ("GOTO 7\nM30\n", SIMULATE, "7"),
+        ("G83 Z-50. R2. Q0.00001 F100.\nM30\n", SIMULATE, "pecks"),
+        ("G1 F100. U5.\nM30\n", SIMULATE, "U5."),
+        ("\x00\xff\nM30\n", SIMULATE, "part.nc:1"),
+        ("%\n%\n", (*SIMULATE, "--json", "times.json"), "holds no block"),
+        ("G21 G1 X99999999. F100.\nM30\n", (*SIMULATE, "--out", "t.parquet"), "positions"),
+        (PART, (*SIMULATE, "--unit", "hurco99"), "hurco02, hurco04"),
+        (PART, (*SIMULATE, "--json", "."), "is a folder"),
+        (PART, (*SIMULATE, "--json", "nowhere/m.csv"), "does not exist"),
+        (PART, (*SIMULATE[:3], "mazak01"), "no section control"),
+        (PART, (*SIMULATE[:3], "lathe9"), "known machines"),
+        (PART, ("interpret", "none.nc", "--out", "m.csv"), "does not exist"),
+        (PART, ("interpret", "part.nc", "--out", "."), "is a folder"),
+        (PART, ("interpret", "part.nc", "--out", "nowhere/m.csv"), "does not exist"),
+        (PART, ("interpret", "part.nc"), "--out is missing"),
+        (PART, ("interpret", "part.nc", "--out", "m.csv", "--json", "m.json"), "without --at"),
     ],
 )
-def test_what_cannot_be_followed_is_one_sentence(project: Path, text: str, word: str) -> None:
-    (project / "part.nc").write_bytes(text.encode("latin-1") + b"\nM30\n")
-    said = refused(project, "simulate", "part.nc", "--machine", "hurco")
-    assert word in said
-    assert not (project / "times.json").exists()
+def test_what_cannot_be_done_is_one_sentence_and_writes_nothing(
+    project: Path, text: str, words: tuple[str, ...], said: str
+) -> None:
+    (project / "part.nc").write_bytes(text.encode("latin-1"))
+    before = sorted(project.iterdir())
+    assert said in refused(project, *words)
+    assert sorted(project.iterdir()) == before
 
 
 def test_a_loop_without_an_end_is_one_sentence(project: Path) -> None:
@@ -251,27 +264,13 @@ def test_a_loop_without_an_end_is_one_sentence(project: Path) -> None:
     assert "\nsetup:\n" in text
     machine.write_text(text.replace("\nsetup:\n", "\nsetup:\n  block_limit: 500\n"))
     (project / "part.nc").write_text("N1\nGOTO 1\nM30\n")
-    said = refused(project, "simulate", "part.nc", "--machine", "hurco")
+    said = refused(project, *SIMULATE)
     assert "part.nc:2" in said and "does not come to its end" in said and "block_limit" in said
-
-
-def test_nothing_is_simulated_on_a_machine_without_a_control(project: Path) -> None:
-    assert "no section control" in refused(project, "simulate", "part.nc", "--machine", "mazak01")
-    assert "known machines" in refused(project, "simulate", "part.nc", "--machine", "lathe9")
-    assert "does not exist" in refused(project, "interpret", "none.nc", "--out", "m.csv")
-
-
-def test_an_empty_program_is_refused(project: Path) -> None:
-    (project / "part.nc").write_text("%\n%\n")
-    assert "holds no block" in refused(
-        project, "simulate", "part.nc", "--machine", "hurco", "--json", "times.json"
-    )
-    assert not (project / "times.json").exists()
 
 
 def test_a_program_that_only_ends_takes_no_time(project: Path) -> None:
     (project / "part.nc").write_text("M30\n")
-    done = kerf(project, "simulate", "part.nc", "--machine", "hurco", "--json", "times.json")
+    done = kerf(project, *SIMULATE, "--json", "times.json")
     assert done.exit_code == 0
     assert json.loads((project / "times.json").read_text())["total_time_s"] == 0
 
@@ -298,30 +297,6 @@ def test_json_replaces_no_record_and_no_file_of_the_project(name: str, project: 
     assert (project / name).read_text() == "kept"
 
 
-def test_json_of_what_was_not_requested_is_refused(project: Path) -> None:
-    words = ("interpret", "part.nc", "--out", "m.csv", "--json", "m.json")
-    assert "--json is given without --at" in refused(project, *words)
-
-
-def test_outputs_are_checked_before_anything_is_planned(project: Path) -> None:
-    for out, reason in ((".", "is a folder"), ("nowhere/m.csv", "does not exist")):
-        assert reason in refused(project, "interpret", "part.nc", "--out", out)
-        assert reason in refused(
-            project, "simulate", "part.nc", "--machine", "hurco", "--json", out
-        )
-
-
-def test_a_unit_that_is_none_is_refused_before_identification_too(project: Path) -> None:
-    said = refused(project, "simulate", "part.nc", "--machine", "hurco", "--unit", "hurco99")
-    assert "hurco02, hurco04" in said
-
-
-def test_a_trace_beyond_all_measure_is_refused(project: Path) -> None:
-    (project / "part.nc").write_text("G21 G1 X99999999. F100.\nM30\n")
-    said = refused(project, "simulate", "part.nc", "--machine", "hurco", "--out", "t.parquet")
-    assert "positions" in said and not (project / "t.parquet").exists()
-
-
 def test_words_that_are_passed_over_are_told_on_screen(project: Path) -> None:
     (project / "part.nc").write_text(PART.replace("N90 ", "POPEN\nN90 "))
     for words in (("interpret", "part.nc", "--out", "moves.csv"),
@@ -332,7 +307,7 @@ def test_words_that_are_passed_over_are_told_on_screen(project: Path) -> None:
 
 def test_what_is_done_in_no_time_is_told(project: Path) -> None:
     machine = project / "conf/machine/hurco.yaml"
-    known = kerf(project, "simulate", "part.nc", "--machine", "hurco")
+    known = kerf(project, *SIMULATE)
     assert "in 0 s" not in known.output
     lines, inside_section = [], False
     for line in machine.read_text().splitlines():
@@ -340,7 +315,7 @@ def test_what_is_done_in_no_time_is_told(project: Path) -> None:
         if not inside_section:
             lines.append(line)
     machine.write_text("\n".join(lines) + "\n")
-    done = kerf(project, "simulate", "part.nc", "--machine", "hurco", "--json", "p.json")
+    done = kerf(project, *SIMULATE, "--json", "p.json")
     assert "1 tool change(s) are done in 0 s, since their time is not known" in done.output
     assert "control.auxiliary.spindle_acceleration in conf/machine/hurco.yaml" in done.output
     told = json.loads((project / "p.json").read_text())["without_time"]
@@ -370,7 +345,6 @@ def test_a_restart_is_said_without_a_file_of_moves(project: Path) -> None:
         assert words in done.stdout
     found = json.loads(kerf(project, "interpret", "part.nc", "--at", "8", "--json", "-").stdout)
     assert found["program"][:3] == [0.0, 0.0, -1.0] and found["words"]["plane"] == "G17"
-    assert "--out is missing" in refused(project, "interpret", "part.nc")
 
 
 BEYOND = "G21 G90 G54\nT4 M6\nS30000 M3\nG0 X5000 Y0 Z5\nG1 Z-1 F99000\nM30\n"
@@ -433,7 +407,7 @@ def test_a_simulation_says_one_interval_of_a_time(project: Path) -> None:
         intervals={WHOLE: Band(lower=0.05, upper=0.1, n=9, groups=9)},
     )
     write_json(model, project / "data/champion/hurco/control/model.json")
-    text = kerf(project, "simulate", "part.nc", "--machine", "hurco").stdout
+    text = kerf(project, *SIMULATE).stdout
     assert text.count("90 % interval") == 1 and "±" not in text
     assert "times count with a standard deviation of 25 %" in text
 

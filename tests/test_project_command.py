@@ -1,10 +1,12 @@
-"""A project outside of the checkout, run by the Kerf of a wheel; commands told where to work."""
+"""The distribution kerf-twin and its wheel; a project outside of the checkout, run by it."""
 
 import os
+import re
 import shutil
 import site
 import subprocess
 import sys
+import tomllib
 import venv
 from pathlib import Path
 from zipfile import ZipFile
@@ -14,7 +16,9 @@ import yaml
 
 from pipeline.app.project import CODE, new_project
 from pipeline.parameters import read_params
+from pipeline.registry.provenance import requirements
 from pipeline.submodels.contract import submodels
+from tests.test_cli import refused
 
 ROOT = Path(__file__).parents[1]
 TAKEN = ("pipeline", "conf", "dvc.yaml", "pyproject.toml", "README.md", "LICENSE")
@@ -61,31 +65,14 @@ def run(bin_: Path, *words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(words, cwd=cwd, env=env, capture_output=True, text=True, check=False)
 
 
-def test_the_files_of_a_wheel_make_a_project_and_compose_it(wheel: Path, tmp_path: Path) -> None:
-    """In one process that finds Kerf in the unpacked wheel alone, away from the checkout."""
+def test_a_wheel_holds_the_code_its_templates_and_what_a_project_is_made_of(wheel: Path) -> None:
     with ZipFile(wheel) as packed:
-        packed.extractall(tmp_path / "unpacked")
-    code = (
-        "import os, pipeline\n"
-        "from pathlib import Path\n"
-        "from pipeline.app.project import new_project\n"
-        "from pipeline.stages.__main__ import run\n"
-        "print(pipeline.__file__)\n"
-        "print(new_project(Path('shop')))\n"
-        "os.chdir('shop')\n"
-        "run('compose', 'conf', 'params.yaml', 'data/settings')\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False,
-        env={**os.environ, "PYTHONPATH": str(tmp_path / "unpacked")},
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    where, said = done.stdout.splitlines()[:2]
-    assert Path(where).is_relative_to(tmp_path / "unpacked") and said == "made"
-    params = read_params(tmp_path / "shop/params.yaml")
-    assert params["fleet"]["name"] == "demo" and "mill00" in params["machine"]
-    stages = yaml.safe_load((tmp_path / "shop/dvc.yaml").read_text())["stages"]
-    assert stages["code"]["deps"] == [CODE]
+        held = {name.partition("data/data/")[2] or name for name in packed.namelist()}
+    ends = (".py", ".j2", ".css", ".toml")
+    code = {p.relative_to(ROOT).as_posix() for p in (ROOT / "pipeline").rglob("*.*")
+            if p.suffix in ends}  # fmt: skip
+    conf = {p.relative_to(ROOT).as_posix() for p in (ROOT / "conf").rglob("*.yaml")}
+    assert code | {f"share/kerf-twin/{name}" for name in conf | {"dvc.yaml"}} <= held
 
 
 @pytest.mark.proof
@@ -139,16 +126,8 @@ def test_a_folder_that_holds_something_else_is_left_alone(tmp_path: Path) -> Non
 
 
 def test_a_project_that_is_not_there_is_said_in_one_sentence(tmp_path: Path) -> None:
-    kerf = shutil.which("kerf") or ""
-    words = [kerf, "-C", "nowhere", "status"] if kerf else []
-    answer = subprocess.run(
-        words or [sys.executable, "-m", "pipeline.app", "-C", "nowhere", "status"],
-        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True,
-        check=False,
-    )  # fmt: skip
-    assert answer.returncode == 2
-    assert "nowhere is no folder: `kerf init nowhere` makes a project" in answer.stderr
-    assert "Traceback" not in answer.stderr
+    said = refused(tmp_path, "-C", "nowhere", "status")
+    assert "nowhere is no folder: `kerf init nowhere` makes a project" in said
 
 
 @pytest.mark.proof
@@ -186,3 +165,38 @@ def test_a_mixed_fleet_goes_through_and_each_machine_gets_what_it_can(tmp_path: 
     bare = (project / "reports/lathe7.html").read_text()
     assert "The fleet names no sub-model of this machine" in bare
     assert "version 1" in done(*kerf, "status")
+
+
+ANOTHERS = re.compile(
+    r"""\bkerf(\[|\s*(==|~=|>=|<=|@\s*(git|https?|file)))  # a requirement: kerf[stl], kerf==1.0
+    |install\s+(-\S+\s+)*["']?kerf(?!-twin)\b              # pip install kerf
+    |version\(["']kerf["']\)                               # importlib.metadata""",
+    re.VERBOSE,
+)
+READ = {".py", ".md", ".toml", ".lock", ".yaml", ".json", ".ipynb", ".j2", ".txt", ""}
+
+
+def test_the_distribution_is_kerf_twin_and_the_command_kerf() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert project["name"] == "kerf-twin"
+    assert project["scripts"] == {"kerf": "pipeline.app:main"}
+
+
+def test_no_requirement_names_kerf() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"].values()
+    asked = project["dependencies"] + [line for extra in extras for line in extra]
+    asked += (ROOT / "requirements.lock").read_text().splitlines()
+    asked += requirements(submodels(), ROOT)  # of a bundle
+    assert len(asked) > 100
+    assert not [line for line in asked if re.match(r"kerf\b", line, re.IGNORECASE)]
+
+
+def test_no_message_or_page_asks_for_a_package_called_kerf() -> None:
+    assert ANOTHERS.search("pip install 'kerf[tdms]'") and ANOTHERS.search("install kerf[stl]")
+    assert not ANOTHERS.search("pip install -e '.[tdms]'")
+    places = [ROOT / name for name in ("pyproject.toml", "Makefile", "README.md", ".ci/run")]
+    for room in ("pipeline", "docs", "conf", "notebooks"):
+        places += [f for f in sorted((ROOT / room).rglob("*")) if f.suffix in READ and f.is_file()]
+    assert len(places) > 300
+    assert not [str(f) for f in places if ANOTHERS.search(f.read_text(encoding="utf-8"))]

@@ -3,7 +3,6 @@
 import json
 import os
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -15,7 +14,7 @@ from pipeline.schema.verdict import Verdict
 from pipeline.stages.__main__ import run
 from pipeline.twin.spindle import SpindleModelFile
 from tests.browser import foreign, look, needs_browser, requests
-from tests.small_project import ROOT, inside
+from tests.small_project import ROOT, inside, leave, with_conf
 
 RECORDINGS = os.environ.get("KERF_RECORDINGS")
 pytestmark = pytest.mark.skipif(
@@ -31,13 +30,8 @@ def build(project: Path) -> None:
         run("clean@mazak01", "data/signals/mazak01", "data/clean/mazak01")
         reads = ("data/signals/mazak01/manifest.json", "data/clean/mazak01", MODEL)
         run("identify_spindle@mazak01", *reads, "data/golden")
-        run(
-            "judge_spindle@mazak01",
-            *reads,
-            "data/golden",
-            "data/metrics/mazak01_spindle.json",
-            "data/plots/mazak01_spindle",
-        )
+        run("judge_spindle@mazak01", *reads, "data/golden", "data/metrics/mazak01_spindle.json",
+            "data/plots/mazak01_spindle")  # fmt: skip
         run("report", *(f"data/{p}" for p in ("signals", "clean", "models", "champion", "golden",
                                                "truth", "programs", "parts", "trials")),
             "reports", "data/metrics/report.json")  # fmt: skip
@@ -45,12 +39,12 @@ def build(project: Path) -> None:
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("recorded")
-    shutil.copytree(ROOT / "conf", folder / "conf")
+    folder = with_conf(tmp_path_factory.mktemp("recorded"))
+    leave(folder, "recorded", "mazak01")
     shutil.copytree(ROOT / "data/golden", folder / "data/golden")
     with inside(folder):
-        fleet = replace(use_fleet("recorded"), machines=("mazak01",), submodels={}, optimised=())
-        assert [files for _, _, files in collect(fleet, Path(RECORDINGS or ""))] == [15]
+        found = collect(use_fleet("recorded"), Path(RECORDINGS or ""))
+        assert [files for _, _, files in found] == [15]
         run("compose", "conf", "params.yaml", "data/settings")
     build(folder)
     return folder

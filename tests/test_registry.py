@@ -47,10 +47,18 @@ from tests.bundled_project import (
     registered,
     spindle,
 )
+from tests.test_cli import kerf, refused, rows_of
 
 ROOT = Path(__file__).parents[1]
 CHAMPION = f"data/champion/{MACHINE}"
 MODELS = f"data/models/{MACHINE}"
+REGISTER = (
+    "from pathlib import Path; from pipeline.fleet import Fleet; "
+    f"from pipeline.stages.champion import champion; names = ('{MACHINE}',); "
+    "fleet = Fleet(name='one', machines=names, submodels={'spindle': names}); "
+    f"champion(Path('{MODELS}'), Path('champions.json'), Path('{CHAMPION}'), fleet=fleet); "
+)
+"""The stage ``champion`` in a process of its own."""
 
 
 @pytest.fixture(autouse=True)
@@ -106,7 +114,7 @@ def test_the_first_serves_and_a_later_one_challenges(made: Path) -> None:
     assert [v.version for v in versions(MACHINE, made)] == [1, 2]
     assert versions(MACHINE, made)[1].bundle == newest.sha256 != entry.bundle
     assert aliases(made) == {"champion": 1, "challenger": 2}
-    (row,) = status(MACHINE, made)
+    (row,) = status(MACHINE, ("spindle",), made)
     assert (row["sub-model"], row["latest"], row["champion"]) == ("spindle", "passed", "passed")
     assert (row["origin"], row["serving"], row["challenger"]) == (
         "simulated", "version 1", "version 2"
@@ -116,13 +124,11 @@ def test_the_first_serves_and_a_later_one_challenges(made: Path) -> None:
 def test_nothing_new_is_registered_without_mlflow_and_changes_no_byte(root: Path) -> None:
     """In a process of its own: this one has imported MLflow."""
     before = files_of(root)
-    code = (
-        "import sys; from pathlib import Path; from tests.bundled_project import registered; "
-        f"registered(Path({str(root)!r})); assert 'mlflow' not in sys.modules"
-    )
+    code = f"{REGISTER}import sys; assert 'mlflow' not in sys.modules"
     answer = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False
-    )
+        [sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=False,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
     assert answer.returncode == 0, answer.stderr
     assert files_of(root) == before
 
@@ -134,11 +140,12 @@ def files_of(root: Path) -> dict[str, bytes]:
             if path.is_file()}  # fmt: skip
 
 
+@pytest.mark.proof  # by a promotion too, in the ordinary suite
 def test_a_store_that_was_deleted_is_filled_again(root: Path) -> None:
     serves = (root / CHAMPION / "bundle.json").read_bytes()
     (root / "mlflow.db").unlink()
     shutil.rmtree(root / "mlartifacts")
-    status(MACHINE, root)
+    status(MACHINE, ("spindle",), root)
     assert (root / CHAMPION / "bundle.json").read_bytes() == serves
     assert aliases(root) == {"champion": 1, "challenger": 2}
     expected = direct(root / CHAMPION, hour(root))
@@ -362,9 +369,7 @@ def test_a_version_of_long_ago_predicts_what_it_predicted(tmp_path: Path, made: 
     shutil.copytree(made.parent / "first", old / MODELS)
     (old / "mlflow.db").write_bytes(empty_store())
     shutil.copytree(ROOT / "pipeline", old / "pipeline")
-    (old / "tests/submodels/spindle").mkdir(parents=True)
-    for name in ("bundled_project.py", "submodels/spindle/spindle_days.py"):
-        shutil.copy(ROOT / "tests" / name, old / "tests" / name)
+    hour(old).to_parquet(old / "hour.parquet")
     for path in [*old.rglob("*.py"), old / MODELS / "spindle/model.json"]:
         text = now = path.read_text()
         for today, before in RENAMED:
@@ -373,10 +378,9 @@ def test_a_version_of_long_ago_predicts_what_it_predicted(tmp_path: Path, made: 
             path.write_text(text)
     old_module = old / "pipeline/twin/spindle.py"
     old_module.rename(old_module.with_name("model_of_spindle.py"))
-    code = (
-        "from pathlib import Path; from tests.bundled_project import *; root = Path('.'); "
-        f"registered(root); submodel('spindle').serve(Path('{CHAMPION}/spindle'))(hour(root))"
-        ".to_parquet('predicted.parquet')"
+    code = f"{REGISTER}import pandas as pd; from pipeline.submodels.contract import submodel; " + (
+        f"predict = submodel('spindle').serve(Path('{CHAMPION}/spindle')); "
+        "predict(pd.read_parquet('hour.parquet')).to_parquet('predicted.parquet')"
     )
     answer = subprocess.run(
         [sys.executable, "-c", code], cwd=old, capture_output=True, text=True, check=False,
@@ -469,6 +473,25 @@ def test_a_better_challenger_is_promoted_and_the_champion_can_come_back(root: Pa
         promote(MACHINE, root, why=" ")
 
 
+def test_the_commands_show_the_challenger_and_promote_it(root: Path) -> None:
+    (root / "conf").mkdir()
+    (root / "conf/machine").symlink_to(ROOT / "conf/machine")
+    (row,) = rows_of(kerf(root, "status"))
+    assert row == {
+        "machine": MACHINE, "origin": "simulated", "sub-model": "spindle", "latest": "passed",
+        "champion": "passed", "serving": "version 1", "challenger": "version 2",
+    }  # fmt: skip
+    assert "Missing option '--why'" in refused(root, "promote", "-m", MACHINE)
+    done = kerf(root, "promote", "-m", MACHINE, "--why", "two kelvin better")
+    assert done.stdout == f"{MACHINE}: version 2 is champion; commit champions.json\n"
+    (row,) = rows_of(kerf(root, "status"))
+    assert row["serving"].startswith("version 2 since 20") and row["challenger"] == "-"
+    again = refused(root, "promote", "-m", MACHINE, "--why", "once more")
+    assert f"{MACHINE} has no challenger: run `dvc repro`" in again
+    done = kerf(root, "promote", "-m", MACHINE, "--why", "back", "--to", "1")
+    assert done.stdout.startswith(f"{MACHINE}: version 1 is champion")
+
+
 def test_a_promotion_that_breaks_off_has_kept_the_champion(
     root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -498,7 +521,7 @@ def test_one_that_failed_is_refused_and_serves_only_anyway(root: Path) -> None:
     assert aliases(root) == {"champion": 1, "challenger": 3}
     now = promote(MACHINE, root, why="no other", anyway=True)
     assert now.why.startswith("no other (anyway: its spindle failed")
-    (row,) = status(MACHINE, root)
+    (row,) = status(MACHINE, ("spindle",), root)
     assert (row["champion"], row["challenger"]) == ("failed", "-")
 
 

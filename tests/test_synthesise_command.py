@@ -3,25 +3,22 @@
 import json
 import shutil
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-import yaml
-from typer.testing import CliRunner
 
-from pipeline.app import commands
-from pipeline.app.kerf import app
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Verdict
 from pipeline.submodels.synthesis.model import load_synthesis
-from tests.small_project import ROOT
+from tests.served_project import MACHINE, served_project
+from tests.served_project import run as run_command
 from tests.submodels.synthesis.generated_lives import once
 
-assert commands
-MACHINE = "rig"
+run = partial(run_command, "synthesise")
 GIVEN = ("--wear", "120", "--set", "feed=300", "--set", "cut_type=slot")
 
 
@@ -29,36 +26,14 @@ GIVEN = ("--wear", "120", "--set", "feed=300", "--set", "cut_type=slot")
 def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("synthesise")
     built = once(tmp_path_factory)
-    verdict = built.judged().verdict
-    project = root / "project"
-    shutil.copytree(ROOT / "conf", project / "conf", symlinks=True)
-    machine = {
-        "identity": {"name": MACHINE, "origin": "simulated", "description": "made",
-                     "credit": "made"},
-    }  # fmt: skip
-    (project / f"conf/machine/{MACHINE}.yaml").write_text(yaml.safe_dump(machine))
-    for home in ("champion", "models"):
-        folder = project / f"data/{home}/{MACHINE}/synthesis"
-        shutil.copytree(built.folder, folder)
-        write_json(replace(verdict, status="passed", reasons=()), folder / "verdict.json")
+    verdict = replace(built.judged().verdict, status="passed", reasons=())
+    project = served_project(root / "project", built.folder, verdict)
     held = next(one for one in built.cases.cases if one.name == "T8").load().windows
     worn = held.of(held.wear >= np.sort(held.wear)[-4])
     frame = pd.DataFrame(np.concatenate(list(worn.values), axis=1).T, columns=list(worn.channels))
     frame.to_csv(project / "worn.csv", index=False)
     (project / "asked.json").write_text(json.dumps({"wear": float(worn.wear.mean())}))
     return project
-
-
-@pytest.fixture
-def project(template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    root = Path(shutil.copytree(template, tmp_path / "project", symlinks=True))
-    monkeypatch.chdir(root)
-    return root
-
-
-def run(*words: str) -> tuple[int, str]:
-    done = CliRunner().invoke(app, ["synthesise", "--machine", MACHINE, *words])
-    return done.exit_code, done.output
 
 
 def test_parquet_holds_windows_with_units_and_the_label(project: Path) -> None:

@@ -56,7 +56,7 @@ def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run(project: Path, *given: str) -> tuple[int, str]:
     with inside(project):
-        done = CliRunner().invoke(app, ["transfer", "mill02", "--golden", "mill01", *given])
+        done = CliRunner().invoke(app, ["transfer", "-m", "mill02", "--golden", "mill01", *given])
     return done.exit_code, done.output
 
 

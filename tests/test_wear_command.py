@@ -3,24 +3,25 @@
 import json
 import shutil
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-import yaml
-from typer.testing import CliRunner
 
 from pipeline.app import commands
 from pipeline.app.kerf import app
 from pipeline.schema.store import read_json, unstructured, write_json
+from pipeline.schema.store import read_json, write_json
+from pipeline.schema.structure import unstructured
 from pipeline.schema.verdict import Verdict
+from tests.served_project import MACHINE, served_project
+from tests.served_project import run as run_command
 from tests.signals.wear_files import SOURCES, cut_table, wear_at, wear_records
-from tests.small_project import ROOT
 from tests.submodels.wear.worn_tools import ROLES, build
 
-assert commands
-MACHINE = "rig"
+run = partial(run_command, "wear")
 
 
 @pytest.fixture(scope="module")
@@ -28,33 +29,13 @@ def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("wear")
     (root / "built").mkdir()
     built = build(root / "built")
-    project = root / "project"
-    shutil.copytree(ROOT / "conf", project / "conf", symlinks=True)
-    machine = {
-        "identity": {"name": MACHINE, "origin": "simulated", "description": "made",
-                     "credit": "made"},
-        "roles": {"training": list(ROLES.training)}, "records": unstructured(SOURCES),
-        "wear_records": unstructured(wear_records()),
-    }  # fmt: skip
-    (project / f"conf/machine/{MACHINE}.yaml").write_text(yaml.safe_dump(machine))
-    shutil.copytree(built.signals, project / f"data/signals/{MACHINE}")
+    project = served_project(
+        root / "project", built.folder, built.judged.verdict, built.signals,
+        roles={"training": list(ROLES.training)}, records=unstructured(SOURCES),
+        wear_records=unstructured(wear_records()),
+    )  # fmt: skip
     shutil.copytree(root / "built/raw", project / f"data/raw/{MACHINE}")
-    write_json(built.judged.verdict, built.folder / "verdict.json")
-    for home in ("champion", "models"):
-        shutil.copytree(built.folder, project / f"data/{home}/{MACHINE}/wear")
     return project
-
-
-@pytest.fixture
-def project(template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    root = Path(shutil.copytree(template, tmp_path / "project", symlinks=True))
-    monkeypatch.chdir(root)
-    return root
-
-
-def run(*words: str | Path) -> tuple[int, str]:
-    done = CliRunner().invoke(app, ["wear", "--machine", MACHINE, *map(str, words)])
-    return done.exit_code, done.output
 
 
 def recording(path: Path, wear: float = 120.0, feed: float = 300.0, rate: float = 1000.0) -> Path:
@@ -145,7 +126,7 @@ def test_a_model_that_did_not_pass_is_used_only_by_word(project: Path) -> None:
     status, said = run(recorded, "--anyway")
     assert status == 0 and "WARNING: the wear model failed" in said
     status, said = run(recorded, "--model", "latest")
-    assert status == 0 and "with the latest model" in said
+    assert status == 0 and "with data/models/rig, not with the champion" in said
     shutil.rmtree(path.parent)
     status, said = run(recorded)
     assert status == 2 and "holds no model" in said

@@ -20,7 +20,7 @@ import pytest
 
 from tests import bundled_project
 from tests.fuzz.seeds import LOGS
-from tests.small_project import MACHINE, ROOT
+from tests.small_project import MACHINE, ROOT, leave, with_conf
 from tests.submodels.synthesis import generated_lives
 from tests.test_optimise_command import GIVEN, PART
 
@@ -52,7 +52,7 @@ COMMANDS = {
         outputs=("o.nc", "o.json", "o.html"),
     ),
     "predict": Written(
-        words=("predict", MACHINE, "spindle", "hour.parquet", "--out", "p.csv"),
+        words=("predict", "-m", MACHINE, "spindle", "hour.parquet", "--out", "p.csv"),
         outputs=("p.csv",),
     ),
     "synthesise": Written(
@@ -64,12 +64,12 @@ COMMANDS = {
                       outputs=("in",), stated=False),
     "report": Written(words=("report", "--out", "pages"), outputs=("pages",), stated=False),
     "golden": Written(
-        words=("golden", MACHINE, "--first", "2026-01-19", "--last", "2026-01-20"),
+        words=("golden", "-m", MACHINE, "--first", "2026-01-19", "--last", "2026-01-20"),
         outputs=(f"data/golden/{MACHINE}.json",), stated=False,
     ),
     "fleet": Written(words=("fleet", "recorded"), outputs=("conf/fleet/active.yaml",),
                      stated=False),
-    "promote": Written(words=("promote", MACHINE, "--why", "w", "--to", "2"),
+    "promote": Written(words=("promote", "-m", MACHINE, "--why", "w", "--to", "2"),
                        outputs=("champions.json",), stated=False),
 }  # fmt: skip
 QUICK = ("interpret", "fleet")
@@ -79,8 +79,7 @@ QUICK = ("interpret", "fleet")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project in which the quick commands have something to write."""
     root = tmp_path_factory.mktemp("plain") / "project"
-    root.mkdir()
-    shutil.copytree(ROOT / "conf", root / "conf", symlinks=True)
+    leave(with_conf(root), "recorded", "mazak01")
     (root / "params.yaml").write_text("fleet: {name: one}\n")
     (root / "part.nc").write_text(PART)
     return root

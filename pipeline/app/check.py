@@ -1,4 +1,7 @@
-"""Comparison of two programs: proof of equality but for F and S, and F and S out of range."""
+"""Checks of programs: against the machine (`kerf preflight`), and two of them (`kerf check`).
+
+Two programs are proved to be equal but for F and S; F and S out of range are warned of.
+"""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -56,6 +59,7 @@ ADDED = "-"
 NEAR = 1e-3
 """Rounding of words, as a share."""
 TABLE = "the tool table"
+NO_BLANK = "not checked: shank and holder against the part (give --stock and --tool-table)"
 
 
 def check_programs(
@@ -260,9 +264,6 @@ def _where(moves: Moves, rows: Rows) -> str:
     more = len(set(moves.line[rows].tolist())) - 1
     others = f" and {more} more line{'s' * (more > 1)}" if more else ""
     return f"{place(moves, int(rows[0]))}{others}"
-
-
-NO_BLANK = "not checked: shank and holder against the part (give --stock and --tool-table)"
 
 
 class Clearance(NamedTuple):

@@ -39,7 +39,7 @@ def compile_ahead() -> None:
 @app.command(rich_help_panel=kerf.RECORDS)
 def ingest(
     files: Annotated[list[Path], typer.Argument(help="Logs, documents, tables.")],
-    machine: Annotated[str, typer.Option(help="Machine, as in conf/machine/.")],
+    machine: kerf.Machine,
     out: Annotated[Path, typer.Option(help="Folder to write Parquet into.")],
     json: kerf.Json = None,
 ) -> None:
@@ -170,10 +170,12 @@ def promote(
     json: kerf.Json = None,
 ) -> None:
     """Make MACHINE's newest bundle its champion, if it is better on the golden set."""
+    from pipeline.app.fleet import check_machine
     from pipeline.champions import promote as promote_bundle
 
     with one_sentence(), outputs() as written:
         written.ready(json)
+        check_machine(machine)
         champion = promote_bundle(machine, why=why, to=to, anyway=anyway)
         written.json({"machine": machine} | asdict(champion), json)
         written.say(f"{machine}: version {champion.version} is champion; commit champions.json")
@@ -219,7 +221,7 @@ def transfer(
 
 @app.command(rich_help_panel=kerf.MODELS)
 def compensation(
-    machine: kerf.Whose,
+    machine: kerf.Machine,
     out: Annotated[Path, typer.Option(help="File to write.")],
     format: kerf.Format = "csv",
     model: kerf.Model = "champion",
@@ -238,26 +240,26 @@ def compensation(
 @app.command(rich_help_panel=kerf.MODELS)
 def wear(
     files: Annotated[list[Path], typer.Argument(help="Recordings of the cut.")],
-    machine: kerf.Whose,
+    machine: kerf.Machine,
     conditions: kerf.Conditions = None,
     json: kerf.Json = None,
     model: kerf.Model = "champion",
     anyway: kerf.Anyway = False,
 ) -> None:
     """Tell the wear of the tools in FILES with its 90 % interval."""
-    from pipeline.app.wear import document, said, wear_of_files
+    from pipeline.app.wear import said, wear_of_files
 
     with one_sentence(), outputs() as to:
         to.ready(json, *files)
         told = wear_of_files(files, machine, model, conditions or (), anyway=anyway)
-        to.json(document(told), json)
+        to.json(asdict(told), json)
         for line in said(told):
             to.say(line)
 
 
 @app.command(rich_help_panel=kerf.MODELS)
 def synthesise(
-    machine: kerf.Whose,
+    machine: kerf.Machine,
     wear: Annotated[
         str | None, typer.Option(help="Wear of the tool: VB in um, or 1 worn and 0 not.")
     ] = None,
@@ -283,10 +285,9 @@ def synthesise(
         words = work.pairs([*(conditions or ()), *([] if wear is None else [f"wear={wear}"])])
         served = work.served_of(machine, model, anyway=anyway)
         if explain is not None:
-            lines = work.explained_lines(work.explained(served, explain, words, json), served)
+            lines = list(work.explained_wear(served, explain, words, json))
         elif out is not None:
-            made, rows = work.synthesise(served, words, n, seed, out)
-            lines = work.made_lines(made, rows, out)
+            lines = list(work.made_windows(served, words, n, seed, out))
     for line in lines:
         typer.echo(line)
 
@@ -351,10 +352,10 @@ def records(
     json: kerf.Json = None,
 ) -> None:
     """Show what MACHINE's records hold, item by item, as the last `dvc repro` read them."""
-    from pipeline.app.records import document, lines, records_of
+    from pipeline.app.records import lines, records_of
 
     with one_sentence(), outputs() as to:
         rows = records_of(machine)
-        to.json(document(rows), json)
+        to.json([asdict(row) for row in rows], json)
         for line in lines(rows):
             to.say(line)

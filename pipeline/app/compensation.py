@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.app.fleet import DATA, machine_parameters
-from pipeline.app.programs import VERDICT_WORDS, passed_status, stored_model
+from pipeline.app.programs import model_lines, passed_status, stored_model
 from pipeline.parameters import structure
 from pipeline.schema.files import replacing
 from pipeline.schema.store import read_json
@@ -85,11 +85,8 @@ def said(done: Written, out: Path, kind: str) -> Iterator[str]:
     """Report of ``kerf compensation`` in lines."""
     found = done.correction
     below, above = found.interval_um
-    yield f"{done.machine}{done.simulated}: growth by {done.method}"
-    if "champion" not in done.models.parts:
-        yield f"with {done.models.parent.as_posix()}, not with the champion"
-    if done.status != "passed":
-        yield f"WARNING: the growth model {VERDICT_WORDS[done.status]}"
+    head = f"{done.machine}{done.simulated}: growth by {done.method}"
+    yield from model_lines(head, done.models.parent, done.status, "growth model")
     yield "the offset to add along +Z, away from the workpiece, is +growth"
     yield (
         f"{'exact' if found.exact else 'linearised'}: at most {found.largest_um:.2g} um from the "

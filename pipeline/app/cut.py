@@ -54,6 +54,26 @@ ToolLimits = Mapping[int, Mapping[str, Any]]
 """Fields of tools that options give, by the tool's number."""
 LIMIT_OPTION = {name: words.option for name, _, words in limit_options()}
 """Option of the command line by the limit that it gives."""
+MOST_LINES = 6
+"""Lines of the program that a warning names, at most."""
+COLUMNS: tuple[tuple[str, str, str, float], ...] = (
+    ("f_z", "mm", "feed_per_tooth_mm", 1),
+    ("a_p", "mm", "axial_depth_mm", 1),
+    ("a_e", "mm", "radial_depth_mm", 1),
+    ("load", "N", "peak_load_N", 1),
+    ("axial", "N", "axial_force_N", 1),
+    ("torque", "N m", "torque_Nm", 1),
+    ("power", "kW", "power_kW", 1),
+    ("drive", "%", "drive_share", 100),
+    ("deflection", "um", "deflection_um", 1),
+    ("stability", "%", "stability_margin", 100),
+    ("rate", "cm3/min", "removal_rate_cm3_min", 1),
+    ("air", "%", "air_share", 100),
+    ("life", "%", "tool_life_share", 100),
+    ("energy", "kWh", "energy_kWh", 1),
+    ("cost", "", "cost", 1),
+)
+"""Head, unit, key and factor of what is said of each tool."""
 
 
 def _limits(given: Mapping[str, Any]) -> tuple[CutLimit, ToolLimits]:
@@ -339,28 +359,6 @@ def warning_lines(warnings: Sequence[CutWarning]) -> Iterator[str]:
         blocks = "" if one.blocks is None else f", {many(one.blocks, 'block')}"
         where = f"{blocks}, line {lines}{more}" if lines else ""
         yield f"  {'WARNING' if one.grave else 'warning'}: {one.what}{where}. {one.do}"
-
-
-MOST_LINES = 6
-"""Lines of the program that a warning names, at most."""
-COLUMNS: tuple[tuple[str, str, str, float], ...] = (
-    ("f_z", "mm", "feed_per_tooth_mm", 1),
-    ("a_p", "mm", "axial_depth_mm", 1),
-    ("a_e", "mm", "radial_depth_mm", 1),
-    ("load", "N", "peak_load_N", 1),
-    ("axial", "N", "axial_force_N", 1),
-    ("torque", "N m", "torque_Nm", 1),
-    ("power", "kW", "power_kW", 1),
-    ("drive", "%", "drive_share", 100),
-    ("deflection", "um", "deflection_um", 1),
-    ("stability", "%", "stability_margin", 100),
-    ("rate", "cm3/min", "removal_rate_cm3_min", 1),
-    ("air", "%", "air_share", 100),
-    ("life", "%", "tool_life_share", 100),
-    ("energy", "kWh", "energy_kWh", 1),
-    ("cost", "", "cost", 1),
-)
-"""Head, unit, key and factor of what is said of each tool."""
 
 
 def _table(cut: ProgramCut) -> Iterator[str]:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import date
+from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from hashlib import sha256
 from importlib.metadata import version
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from pipeline.app.output import many
+from pipeline.app.output import LOG, many
 from pipeline.fleet import Fleet
 from pipeline.parameters import ParametersError, read_params, read_yaml, structure
 from pipeline.schema.days import UTC, day_of_text
@@ -52,14 +53,46 @@ class FileResult:
 
 def machine_parameters(machine: str) -> dict[str, Any]:
     """A machine's sections, whether or not it is in the fleet that is built."""
-    names = {p.stem for p in (CONF / "machine").glob("*.yaml")}
-    if machine not in names:  # which no path is
-        known = ", ".join(sorted(names)) or "none"
-        raise ValueError(
-            f"conf/machine/{machine}.yaml does not exist; known machines: {known}. "
-            "Run kerf in the project's folder, or write that file"
-        )
+    check_machine(machine)
     return _composed(f"fleet.machines=['{machine}']")
+
+
+def check_machine(machine: str) -> None:
+    """Refuse a machine without a file, with those that are called like it."""
+    names = sorted(p.stem for p in (CONF / "machine").glob("*.yaml"))
+    if machine in names:  # which no path is
+        return
+    near = get_close_matches(machine, names)
+    meant = f"; did you mean {' or '.join(near)}?" if near else "."
+    raise ValueError(
+        f"conf/machine/{machine}.yaml does not exist; known machines: {', '.join(names) or 'none'}"
+        f"{meant} Run kerf in the project's folder, or write that file"
+    )
+
+
+def active_fleet() -> Fleet:
+    """The fleet that `dvc repro` builds, also where params.yaml is still of the one before."""
+    values, active = read_params(), CONF / "fleet/active.yaml"
+    chosen = read_yaml(active.read_text(), str(active)) if active.exists() else values["fleet"]
+    changed = chosen.get("name") != values["fleet"]["name"]
+    return structure({"fleet": chosen} if changed else values, "fleet", Fleet)
+
+
+def outside_fleet(machine: str) -> str:
+    """Reason why nothing is built of a machine that the active fleet lacks; empty otherwise."""
+    try:
+        fleet = active_fleet()
+    except ParametersError:  # nothing was composed
+        return ""
+    if machine in fleet.machines:
+        return ""
+    files = sorted((CONF / "fleet").glob("*.yaml"))
+    others = [f.stem for f in files if machine in (yaml.safe_load(f.read_text())["machines"] or ())]
+    name = others[0] if others else "NAME"
+    return (
+        f"{machine} is not in the fleet {fleet.name}, which is built here: run `kerf fleet {name}` "
+        "and `dvc repro`"
+    )
 
 
 def _composed(override: str) -> dict[str, Any]:
@@ -436,8 +469,8 @@ def fleet_status() -> list[dict[str, str]]:
     """Rows of every machine of the fleet: its sub-models, their verdicts, what serves."""
     from pipeline.champions import status
 
-    fleet = structure(read_params(), "fleet", Fleet)
-    return [row for machine in fleet.machines for row in status(machine)]
+    fleet = active_fleet()
+    return [row for name in fleet.machines for row in status(name, fleet.submodels_of(name))]
 
 
 def _document(path: Path) -> dict[str, Any]:
@@ -453,7 +486,12 @@ def write_report(out: Path) -> Path:
     from pipeline.report.texts import ReportSettings
     from pipeline.stages.report import report
 
-    values = read_params()
+    values, pages = read_params(), CONF / "pages/default.yaml"
+    if pages.exists() and (own := read_yaml(pages.read_text(), str(pages))) != values["pages"]:
+        LOG.warning(
+            "%s has %s and params.yaml %s, which the pages follow: run `dvc repro compose` first",
+            pages, own, values["pages"],
+        )  # fmt: skip
     report(
         signals=DATA / "signals", clean=DATA / "clean", models=DATA / "models",
         champion=DATA / "champion", golden=DATA / "golden", truth=DATA / "truth",

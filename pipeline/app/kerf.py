@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from itertools import takewhile
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,6 +16,8 @@ from pipeline.app.output import log_to_standard_error
 from pipeline.schema.limits import limit_words
 
 _UsageError: Any = typer.BadParameter.__base__
+NUMBERS = {"int_parsing": "whole number", "float_parsing": "number"}
+"""Names of the numbers that an option takes, by the error of one that is none."""
 
 
 class _OneSentence(TyperGroup):
@@ -30,18 +33,47 @@ class _OneSentence(TyperGroup):
             if type(error).__name__ == "NoArgsIsHelpError":
                 error.show()
             else:
-                said = error.format_message().replace("Value error, ", "").rstrip(".")
-                if said == "Option '--json' requires an argument":
-                    said += ": name a file, or - for standard output"
                 where = f"; see `{error.ctx.command_path} --help`" if error.ctx else ""
-                typer.echo(f"kerf: {said}{where}", err=True)
+                typer.echo(f"kerf: {_usage_sentence(error)}{where}", err=True)
             sys.exit(error.exit_code)
         sys.exit(code if isinstance(code, int) else 0)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
+        """Refuse an option in the place of a value, which the parser would take for the value."""
+        name, command, words = super().resolve_command(ctx, args)
+        params: list[Any] = [] if command is None or ctx.resilient_parsing else [*command.params]
+        options = {word: one for one in params for word in one.opts if word.startswith("-")}
+        k = 0
+        while k < len(words) and words[k] != "--":
+            option = options.get(words[k])
+            many = 0 if option is None or option.is_flag or option.count else option.nargs
+            values = words[k + 1 : k + 1 + many]
+            if option and (len(values) < many or any(one in options for one in values)):
+                needs = f"{many} values" if many > 1 else "a value"
+                given = " ".join(takewhile(lambda word: word not in options, values))
+                lack = f", {given} alone is given" if given else ""
+                helped = f"{option.help.rstrip('.')}; see `{ctx.command_path} {name} --help`"
+                raise _UsageError(f"{words[k]} needs {needs}{lack}: {helped}")
+            k += 1 + many
+        return name, command, words
+
+
+def _usage_sentence(error: Any) -> str:
+    """What is wrong with an option or argument, and what to give."""
+    option = getattr(error, "param", None)
+    causes: list[Any] = getattr(error.__cause__, "errors", list)()
+    kind = NUMBERS.get(causes[0]["type"]) if causes else None
+    if option is not None and kind:
+        return f"{option.opts[0]} {causes[0]['input']} is no {kind}: give one"
+    said = str(error.format_message()).replace("Value error, ", "").rstrip(".")
+    if said.startswith("Missing option '--machine'"):
+        said += f": name the machine as in `{error.ctx.command_path} --machine mill00`"
+    return said
 
 
 PROJECT = "Project and fleet, as in: kerf fleet demo"
 RECORDS = "Records, as in: kerf ingest log.txt --machine mill00 --out read"
-MODELS = "Models, as in: kerf promote mill00 --why 'new probe'"
+MODELS = "Models, as in: kerf promote --machine mill00 --why 'new probe'"
 PROGRAMS = "Part programs, as in: kerf simulate part.nc --machine mill00"
 """Groups of commands in the help."""
 
@@ -98,13 +130,15 @@ def _machines(incomplete: str) -> list[str]:
 
 
 Machine = Annotated[
-    str, typer.Argument(help="Machine, as in conf/machine/.", autocompletion=_machines)
+    str,
+    typer.Option("--machine", "-m", help="Machine, as in conf/machine/.", autocompletion=_machines),
 ]
 Program = Annotated[Path, typer.Argument(help="A part program.")]
-Whose = Annotated[str, typer.Option(help="Machine, as in conf/machine/.", autocompletion=_machines)]
 Setup = Annotated[
     str | None,
-    typer.Option(help="Machine whose offsets and tools hold.", autocompletion=_machines),
+    typer.Option(
+        "--machine", "-m", help="Machine whose offsets and tools hold.", autocompletion=_machines
+    ),
 ]
 DialectName = Literal["fanuc", "linuxcnc", "siemens"]
 Dialect = Annotated[

@@ -289,7 +289,8 @@ def next_steps(p: Proposal) -> list[str]:
     left = [day for day in p.days if day not in p.learnt]
     lines = [f"kerf fleet {p.name}", "dvc repro"]
     if left:
-        lines += [f"kerf golden {p.name} --first {left[0]} --last {left[-1]}", "dvc repro"]
+        days = f"--first {left[0]} --last {left[-1]}"
+        lines += [f"kerf golden --machine {p.name} {days}", "dvc repro"]
     return lines
 
 

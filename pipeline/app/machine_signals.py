@@ -57,6 +57,25 @@ _TIMES = {
 }
 """Words of the subtypes of a counter of hours: the makers' own, and those of EQUIPMENT_TIMER."""
 _NOT_ACTUAL = ("COMMANDED", "PROGRAMMED", "TARGET", "JOG", "RAPID", "x:SUB", "x:SUB_PROGRAM")
+_UNIT = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]\s*$")
+_TIME = re.compile(r"^(t|time|zeit|timestamp|date|datum|clock)([^a-z]|stamp|$)", re.IGNORECASE)
+_SHORT = {"SECOND": "s", "sec": "s", "MILLISECOND": "ms", "MINUTE": "min"} | {
+    unit: unit for unit in ("s", "ms", "us", "ns", "min", "h")
+}
+_SINCE_1970 = {"unix_ns": 1e9, "unix_us": 1e6, "unix_ms": 1e3, "unix_s": 1.0}
+_DATE_S = 631_152_000
+"""A greater count is a date from 1990 on [s since 1970]."""
+_KINDS = (
+    ("temperature", "degC", "temp|thermo|pt100|ambient"),
+    ("force", "N", "force|kraft|^f[xyz]"),
+    ("command", "", "command|cmd|_?ref|soll|desired|target|setpoint|^set"),
+    ("displacement", "", "disp|probe|growth|drift|gap"),
+    ("position", "mm", "pos|ist|^[xyz]$|axis"),
+    ("current", "A", "current|curr|strom"),
+    ("spindle speed", "rev/min", "rpm|speed|drehzahl"),
+    ("acceleration", "m/s^2", "acc|vib"),
+)
+"""Candidates of a column: unit of the quantity, and words of its name; the first that fits."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -330,27 +349,6 @@ class Log:
         rpm = np.abs(other.number[at[at >= 0]])
         rpm = rpm[~np.isnan(rpm)]
         return float((rpm <= TURNS_RPM).mean()) if len(rpm) else 0.0
-
-
-_UNIT = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]\s*$")
-_TIME = re.compile(r"^(t|time|zeit|timestamp|date|datum|clock)([^a-z]|stamp|$)", re.IGNORECASE)
-_SHORT = {"SECOND": "s", "sec": "s", "MILLISECOND": "ms", "MINUTE": "min"} | {
-    unit: unit for unit in ("s", "ms", "us", "ns", "min", "h")
-}
-_SINCE_1970 = {"unix_ns": 1e9, "unix_us": 1e6, "unix_ms": 1e3, "unix_s": 1.0}
-_DATE_S = 631_152_000
-"""A greater count is a date from 1990 on [s since 1970]."""
-_KINDS = (
-    ("temperature", "degC", "temp|thermo|pt100|ambient"),
-    ("force", "N", "force|kraft|^f[xyz]"),
-    ("command", "", "command|cmd|_?ref|soll|desired|target|setpoint|^set"),
-    ("displacement", "", "disp|probe|growth|drift|gap"),
-    ("position", "mm", "pos|ist|^[xyz]$|axis"),
-    ("current", "A", "current|curr|strom"),
-    ("spindle speed", "rev/min", "rpm|speed|drehzahl"),
-    ("acceleration", "m/s^2", "acc|vib"),
-)
-"""Candidates of a column: unit of the quantity, and words of its name; the first that fits."""
 
 
 def table_lines(path: Path, form: str, files: str) -> list[str]:

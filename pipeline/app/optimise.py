@@ -9,7 +9,7 @@ from types import FrameType
 from typing import TypeVar
 
 from pipeline.app.cut import CutOptions, edge_lines, warning_lines, workshop_of
-from pipeline.app.output import NONE, aligned, between, many, rounded
+from pipeline.app.output import NONE, aligned, between, label, many, rounded
 from pipeline.app.programs import Controlled, machine_residual, verdict_lines
 from pipeline.gcode.moves import Moves
 from pipeline.optimisation.document import optimised_part, optimised_text
@@ -25,6 +25,15 @@ from pipeline.schema.store import write_bytes, write_json
 from pipeline.twin.cut.axes import half_widths
 
 T = TypeVar("T")
+TOTALS = (
+    ("time", "s", "time_s", 1, "time_percent"),
+    ("cost", None, "cost", 1, "cost_percent"),
+    ("energy", "kWh", "energy_kWh", 1, "energy_percent"),
+    ("tool life", "%", "tool_life_share", 100, "tool_life_percent"),
+    ("peak load", "N", "peak_load_N", 1, None),
+    ("beyond", "blocks", "beyond", 1, None),
+)
+"""Name, unit (the currency where None), key, factor, key of the change."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,23 +116,11 @@ def interruptible(said: Callable[[], None]) -> Iterator[Callable[[], bool]]:
         signal.signal(signal.SIGINT, before)
 
 
-TOTALS = (
-    ("time", "s", "time_s", 1, "time_percent"),
-    ("cost", None, "cost", 1, "cost_percent"),
-    ("energy", "kWh", "energy_kWh", 1, "energy_percent"),
-    ("tool life", "%", "tool_life_share", 100, "tool_life_percent"),
-    ("peak load", "N", "peak_load_N", 1, None),
-    ("beyond", "blocks", "beyond", 1, None),
-)
-"""Name, unit (the currency where None), key, factor, key of the change."""
-
-
 def optimise_lines(part: OptimisedPart) -> Iterator[str]:
     """Before and after, certainty, methods, what binds, what was changed, what is not known."""
-    label = " (simulated)" if part.origin == "simulated" else ""
     source = "identified" if part.control == "identified" else "as in conf, times unproven"
     yield (
-        f"{part.program} on {part.machine}{label}, control {source}: "
+        f"{part.program} on {part.machine}{label(part.origin)}, control {source}: "
         f"{part.objective}, {part.stock} in {part.material}"
     )
     if part.machine_unit is not None:

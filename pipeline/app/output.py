@@ -206,6 +206,11 @@ def between(low: float | None, high: float | None, factor: float = 1) -> str:
     return f" ({rounded(low, factor)} to {rounded(high, factor)})"
 
 
+def label(origin: str) -> str:
+    """Label of what rests on simulated records, with a blank before it; else empty."""
+    return " (simulated)" if origin == "simulated" else ""
+
+
 def many(count: int, what: str) -> str:
     """A count with its noun: ``1 move``, ``2 moves``."""
     return f"{count} {what}" if count == 1 else f"{count} {what}s"

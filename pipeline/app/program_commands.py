@@ -58,63 +58,49 @@ def interpret(
     json: kerf.Json = None,
 ) -> None:
     """Follow PROGRAM block by block and write its moves, or say what a restart at a line needs."""
-    if out is None and at is None:
-        with one_sentence():
-            raise ValueError("--out is missing: name a CSV for the moves, or a line with --at")
-    if json is not None and at is None:
-        with one_sentence():
-            raise ValueError("--json is given without --at: --out holds the moves as CSV")
-    if out is not None and out == json:
-        with one_sentence():
-            raise ValueError(f"{out} is named for two outputs: name a file for each")
-    if at is not None:
-        _restart(program, machine, dialect, at, json)
-    if out is None:
-        return
     from pipeline.app.programs import (
         ROWS_AT_ONCE,
         machine_setup,
         moves_in_parts,
         passed_over,
+        program_at,
+        setup_beside,
         write_moves,
     )
+    from pipeline.gcode.interpret import restart_at
+    from pipeline.gcode.restart import restart_lines
 
     with _working() as to:
+        if out is None and at is None:
+            raise ValueError("--out is missing: name a CSV for the moves, or a line with --at")
+        if json is not None and at is None:
+            raise ValueError("--json is given without --at: --out holds the moves as CSV")
+        if out is not None and out == json:
+            raise ValueError(f"{out} is named for two outputs: name a file for each")
+        setup = machine_setup(machine, dialect)
+        if at is not None:
+            found = restart_at(program_at(program), setup_beside(setup, program), at)
+            to.json(asdict(found), json, program)
+            for text in restart_lines(found):
+                to.say(text)
+        if out is None:
+            return
         file = to.file(out, ".csv") or out
         check_outputs(program, file)
-        setup = machine_setup(machine, dialect)
         notes = list(passed_over(program, setup))
-        with share_bar("interpreting") as share, step(f"followed {program}") as found:
+        with share_bar("interpreting") as share, step(f"followed {program}") as taken:
             parts = moves_in_parts(program, setup, share, ROWS_AT_ONCE)
-            count, length, told = write_moves(parts, file)
-            found.add(f"{count} moves, wrote {to.names(file)}")
-        for note in (*notes, *told):
+            count, length, notices = write_moves(parts, file)
+            taken.add(f"{count} moves, wrote {to.names(file)}")
+        for note in (*notes, *notices):
             to.say(note)
         to.say(f"{count} moves, {length:.3f} mm, wrote {to.names(file)}")
-
-
-def _restart(
-    program: Path,
-    machine: str | None,
-    dialect: kerf.DialectName | None,
-    line: int,
-    json: Path | None,
-) -> None:
-    from pipeline.app.programs import machine_setup, program_at, setup_beside
-    from pipeline.gcode.interpret import restart_at, restart_lines
-
-    with _working() as to:
-        setup = setup_beside(machine_setup(machine, dialect), program)
-        found = restart_at(program_at(program), setup, line)
-        to.json(asdict(found), json, program)
-        for text in restart_lines(found):
-            to.say(text)
 
 
 @app.command(rich_help_panel=kerf.PROGRAMS)
 def simulate(
     program: kerf.Program,
-    machine: kerf.Whose,
+    machine: kerf.Machine,
     unit: kerf.Unit = None,
     out: Annotated[
         Path | None, typer.Option(help="Parquet of positions at the interpolation period.")
@@ -164,7 +150,7 @@ def simulate(
 @app.command(rich_help_panel=kerf.PROGRAMS)
 def preflight(
     program: kerf.Program,
-    machine: kerf.Whose,
+    machine: kerf.Machine,
     dialect: kerf.Dialect = None,
     stock: kerf.Stock = None,
     tool_table: kerf.ToolTable = None,
@@ -308,7 +294,7 @@ def _with_limits(command: Callable[..., None]) -> Callable[..., None]:
 def optimise(
     *,
     program: kerf.Program,
-    machine: kerf.Whose,
+    machine: kerf.Machine,
     objective: kerf.Objective = "time",
     out: Annotated[Path | None, typer.Option(help="Program to write.")] = None,
     json: kerf.Json = None,

@@ -13,7 +13,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow import csv
 
-from pipeline.app.fleet import DATA, machine_parameters
+from pipeline.app.fleet import DATA, machine_parameters, outside_fleet
 from pipeline.app.output import check_outputs
 from pipeline.app.tables import section
 from pipeline.cutting.economics.spindle_power import SpindleDrive
@@ -123,14 +123,8 @@ class Controlled:
 def machine_setup(machine: str | None, dialect: str | None) -> Setup:
     """The set-up of ``machine`` (a Fanuc without offsets when it has none), in ``dialect``."""
     sections = {} if machine is None else machine_parameters(machine)["machine"][machine]
-    setup = _setup(sections)
+    setup = section(sections, "setup", Setup) or Setup()
     return setup if dialect is None else replace(setup, dialect=dialect)  # type: ignore[arg-type]
-
-
-def _setup(sections: dict[str, Any]) -> Setup:
-    if "setup" not in sections:
-        return Setup()
-    return structure({"setup": sections["setup"]}, "setup", Setup)
 
 
 def machine_limits(sections: Mapping[str, Any], setup: Setup) -> MachineLimits:
@@ -172,17 +166,19 @@ def passed_over(path: Path, setup: Setup) -> Iterator[str]:
         return
     blocks = [] if program.ends_blocks else program.remarked_blocks()
     if blocks:
-        where = ", ".join(map(str, blocks[:5])) + " …" * (len(blocks) > 5)
         yield (
-            f"{path.name}: what stands behind ; is a comment here and was left out (line {where}): "
-            "end each line of code with ; where it ends blocks"
+            f"{path.name}: what stands behind ; is a comment here and was left out "
+            f"({_first_lines(blocks)}): end each line of code with ; where it ends blocks"
         )
     for word, places in output_lines(program.data).items():
-        where = ", ".join(map(str, places[:5])) + " …" * (len(places) > 5)
         yield (
-            f"{path.name}: {word} is passed over (line {where}): it writes to a device or names "
-            "variables, and moves nothing"
+            f"{path.name}: {word} is passed over ({_first_lines(places)}): it writes to a device "
+            "or names variables, and moves nothing"
         )
+
+
+def _first_lines(lines: Sequence[int]) -> str:
+    return f"line {', '.join(map(str, lines[:5]))}{' …' * (len(lines) > 5)}"
 
 
 _UNITS = re.compile(rb"(?i)G0*(?:2[01]|7[01]0?)(?![.\d])|[XYZ]\s*=?[-+.\d#\[]")
@@ -232,7 +228,8 @@ def model_folder(machine: str, model: str = CHAMPION) -> Path:
     if model != LATEST:
         raise ValueError(f"--model {model} is neither champion nor latest: name one of them")
     if not (DATA / "models" / machine).is_dir():
-        raise ValueError(f"data/models/{machine} does not exist: run `dvc repro` to identify it")
+        why = outside_fleet(machine) or "run `dvc repro` to identify it"
+        raise ValueError(f"data/models/{machine} does not exist: {why}")
     return DATA / "models" / machine
 
 
@@ -240,8 +237,18 @@ def stored_model(machine: str, model: str, one: "SubModel[Any, Any, Any]") -> Pa
     """Folder of one sub-model's model."""
     folder = model_folder(machine, model) / one.name
     if not (folder / "model.json").exists():
-        raise ValueError(f"{folder} holds no model: {machine} needs {one.needs}")
+        why = outside_fleet(machine) or f"{machine} needs {one.needs}"
+        raise ValueError(f"{folder} holds no model: {why}")
     return folder
+
+
+def model_lines(head: str, models: Path, status: str, name: str) -> Iterator[str]:
+    """Head of a report on one model's answer, with what is to be known of the model."""
+    yield head
+    if "champion" not in models.parts:
+        yield f"with {models.as_posix()}, not with the champion"
+    if status != "passed":
+        yield f"WARNING: the {name} {VERDICT_WORDS[status]}"
 
 
 def passed_status(folder: Path, name: str, use: str = "use it", *, anyway: bool) -> str:
@@ -259,18 +266,33 @@ def passed_status(folder: Path, name: str, use: str = "use it", *, anyway: bool)
 
 
 def machine_control(machine: str, unit: str | None, model: str = CHAMPION) -> Controlled:
-    """The machine with its control, as :func:`simulate_program` takes it."""
+    """The machine with its control: the one of ``model``, else that of its file."""
+    from pipeline.twin.control import control_of_unit, read_controls
+
     parameters = machine_parameters(machine)
-    sections = parameters["machine"][machine]
-    folder = model_folder(machine, model)
-    control, identified = _control(machine, sections, unit, folder)
+    sections, models = parameters["machine"][machine], model_folder(machine, model)
     records = sections.get("control_records", {})
-    units = tuple(records.get("units", ()))
+    setup = section(sections, "setup", Setup) or Setup()
+    units, default = tuple(records.get("units", ())), str(records.get("default_unit", ""))
+    if unit is not None and unit not in units:
+        if not units:
+            raise ValueError(f"{machine} has no units: leave --unit out")
+        raise ValueError(f"{machine} has no unit {unit!r}: name one of {', '.join(units)}")
+    found = models / "control/model.json"
+    if found.exists():
+        control = control_of_unit(read_controls(found), unit or default)
+    elif "control" in sections:
+        known = of_dialect(sections["control"], setup.dialect)
+        control = structure({"control": known}, "control", ControlParameters)
+    else:
+        raise ValueError(
+            f"conf/machine/{machine}.yaml has no section control and none was identified: "
+            "write its axes there, or log runs of programs and run `dvc repro`"
+        )
     return Controlled(
-        machine=machine, unit=unit or str(records.get("default_unit", "")),
-        chosen=unit is not None, units=units, control=control, identified=identified,
-        setup=_setup(sections), parameters=parameters,
-        origin=str(sections["identity"].get("origin", "recorded")), models=folder,
+        machine=machine, unit=unit or default, chosen=unit is not None, units=units,
+        control=control, identified=found.exists(), setup=setup, parameters=parameters,
+        origin=str(sections["identity"].get("origin", "recorded")), models=models,
     )  # fmt: skip
 
 
@@ -297,30 +319,6 @@ def needed_drives(on: Controlled, option: str) -> Path:
             "servos and run `dvc repro`"
         )
     return found
-
-
-def _control(
-    machine: str, sections: dict[str, Any], unit: str | None, models: Path
-) -> tuple[ControlParameters, bool]:
-    from pipeline.twin.control import control_of_unit, read_controls
-
-    found = models / "control/model.json"
-    records = sections.get("control_records", {})
-    units = records.get("units", {})
-    if unit is not None and not units:
-        raise ValueError(f"{machine} has no units: leave --unit out")
-    if unit is not None and unit not in units:
-        raise ValueError(f"{machine} has no unit {unit!r}: name one of {', '.join(units)}")
-    if found.exists():
-        name = records.get("default_unit", "") if unit is None else unit
-        return control_of_unit(read_controls(found), name), True
-    if "control" not in sections:
-        raise ValueError(
-            f"conf/machine/{machine}.yaml has no section control and none was identified: "
-            "write its axes there, or log runs of programs and run `dvc repro`"
-        )
-    known = of_dialect(sections["control"], _setup(sections).dialect)
-    return structure({"control": known}, "control", ControlParameters), False
 
 
 def verdict_lines(models: Iterable[UsedModel]) -> Iterator[str]:

@@ -1,7 +1,7 @@
 """Records of a machine item by item: interval, range, time span (UTC) and availability."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from pipeline.app.fleet import DATA, machine_parameters
+from pipeline.app.fleet import DATA, machine_parameters, outside_fleet
 from pipeline.app.output import aligned
 from pipeline.parameters import structure
 from pipeline.schema.arrays import Floats, Ints
@@ -237,14 +237,10 @@ def records_of(machine: str) -> list[ItemRecord]:
     values = machine_parameters(machine)
     signals = DATA / "signals" / machine
     if not (signals / "manifest.json").exists():
-        raise ValueError(f"{signals} holds no records: run `dvc repro ingest@{machine}` first")
+        why = outside_fleet(machine) or f"run `dvc repro ingest@{machine}` first"
+        raise ValueError(f"{signals} holds no records: {why}")
     mapping = structure(values, f"machine.{machine}.mapping", CleanMachine)
     return machine_records(signals, mapping.signal_of, described_units(signals))
-
-
-def document(rows: Sequence[ItemRecord]) -> list[dict[str, Any]]:
-    """The rows as JSON."""
-    return [asdict(row) for row in rows]
 
 
 def lines(rows: Sequence[ItemRecord]) -> Iterator[str]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.app.check import preflight_lines
 from pipeline.app.kerf import share_bar
-from pipeline.app.output import check_outputs, step
+from pipeline.app.output import check_outputs, label, step
 from pipeline.app.programs import (
     CHAMPION,
     Controlled,
@@ -180,8 +180,7 @@ def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
     machine = document["machine"]
     assumed = f"as in conf/machine/{machine}.yaml, not identified: times unproven"
     source = "identified" if document["control"] == "identified" else assumed
-    label = f" ({document['origin']})" if document["origin"] == "simulated" else ""
-    yield f"{program.name} on {machine}{label}, control {source}"
+    yield f"{program.name} on {machine}{label(document['origin'])}, control {source}"
     if "/champion/" not in document["models"]:
         yield f"with {document['models']}, not with the champion"
     yield from verdict_lines(document["verdicts"])

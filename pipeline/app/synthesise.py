@@ -4,19 +4,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from pipeline.app.fleet import machine_parameters
-from pipeline.app.output import check_outputs
+from pipeline.app.output import check_outputs, label
 from pipeline.app.programs import passed_status, stored_model
 from pipeline.schema.store import write_json
 from pipeline.submodels.synthesis.model import WEAR, Synthesis, load_synthesis
-from pipeline.submodels.synthesis.samples import (
-    Explanation,
-    Generated,
-    conditions_of_words,
-    explanation,
-    generated,
-    read_windows,
-    write_generated,
-)
+from pipeline.submodels.synthesis.samples import Explanation, Generated, conditions_of_words, explanation, generated, read_windows, write_generated
+from pipeline.submodels.synthesis.explanation import explanation, read_windows
+from pipeline.submodels.synthesis.samples import conditions_of_words, generated, write_generated
 from pipeline.submodels.synthesis.submodel import SUBMODEL
 
 
@@ -41,37 +35,19 @@ def pairs(texts: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def synthesise(
+def made_windows(
     served: Synthesis, words: Mapping[str, str], many: int, seed: int, out: Path
-) -> tuple[Generated, int]:
-    """Windows at conditions, written; the number of rows."""
+) -> Iterator[str]:
+    """Write windows at conditions; lines on them."""
     check_outputs(None, out)
     made = generated(served, conditions_of_words(served, words), many, seed)
-    return made, write_generated(made, out)
-
-
-def explained(
-    served: Synthesis, recording: Path, words: Mapping[str, str], out: Path | None
-) -> Explanation:
-    """Wear that explains a recording best; its profile as JSON where a file is named."""
-    check_outputs(None, out, inputs=[recording])
-    given = conditions_of_words(served, {k: v for k, v in words.items() if k != WEAR})
-    found = explanation(served, read_windows(recording, served), given)
-    if out is not None:
-        label = {"machine": served.file.machine, "trained_on": served.file.origin}
-        write_json({**found.document, **label}, out)
-    return found
-
-
-def made_lines(made: Generated, rows: int, out: Path) -> Iterator[str]:
-    """Lines on generated windows."""
-    file = made.served.file
-    simulated = " (simulated)" if file.origin == "simulated" else ""
-    told = ", ".join(
+    rows, file = write_generated(made, out), served.file
+    conditions = ", ".join(
         f"{name} {_words(one['value'])} {one['unit']}".rstrip()
         for name, one in made.head["conditions"].items()
     )
-    yield f"{file.machine}{simulated}: {len(made.values)} synthetic windows at {told}"
+    head = f"{file.machine}{label(file.origin)}"
+    yield f"{head}: {len(made.values)} synthetic windows at {conditions}"
     yield f"wrote {rows} rows to {out}"
 
 
@@ -79,14 +55,20 @@ def _words(value: float | str) -> str:
     return (value or "not given") if isinstance(value, str) else f"{value:g}"
 
 
-def explained_lines(result: Explanation, served: Synthesis) -> Iterator[str]:
-    """Lines on an explained recording."""
-    simulated = " (simulated)" if served.file.origin == "simulated" else ""
-    low, high = result.as_good
+def explained_wear(
+    served: Synthesis, recording: Path, words: Mapping[str, str], out: Path | None
+) -> Iterator[str]:
+    """Lines on the wear that explains a recording best; its profile as JSON where one is named."""
+    check_outputs(None, out, inputs=[recording])
+    given = conditions_of_words(served, {k: v for k, v in words.items() if k != WEAR})
+    found, file = explanation(served, read_windows(recording, served), given), served.file
+    if out is not None:
+        write_json({**found.document, "machine": file.machine, "trained_on": file.origin}, out)
+    low, high = found.as_good
     yield (
-        f"{served.file.machine}{simulated}: wear {result.best:.3g} {result.unit} explains it best; "
-        f"{low:.3g} to {high:.3g} {result.unit} do about as well"
+        f"{file.machine}{label(file.origin)}: wear {found.best:.3g} {found.unit} explains it best; "
+        f"{low:.3g} to {high:.3g} {found.unit} do about as well"
     )
     yield f"{'wear':>8}  {'distance':>9}"
-    for wear, distance in zip(result.wear, result.distance, strict=True):
+    for wear, distance in zip(found.wear, found.distance, strict=True):
         yield f"{wear:>8.4g}  {distance:>9.4g}"

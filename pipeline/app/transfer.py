@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from pipeline.app.fleet import DATA, machine_parameters
-from pipeline.app.output import check_outputs
+from pipeline.app.fleet import DATA, machine_parameters, outside_fleet
+from pipeline.app.output import check_outputs, label
 from pipeline.charts import svg
 from pipeline.charts.bands import UNITS, Band, band
 from pipeline.charts.numbers import NARROW, as_stated, counted, day_list, fixed, joined
@@ -30,6 +30,13 @@ from pipeline.submodels.spindle.fit import sensor_step
 from pipeline.submodels.spindle.submodel import SUBMODEL
 from pipeline.submodels.spindle.transfer import Transfer, TransferPoint, TransferSettings, transfer
 from pipeline.twin.spindle import TARGET, SpindleModelFile, SpindleRecords, spindle_stretches
+
+TOP, HEIGHT = 26.0, 250.0
+"""Place of the curves below the figure's upper edge, and their height [px]."""
+MOST_DAYS = 7
+"""Days judged that are named one by one [1]."""
+NONE_LEADS = "None of the three"
+"""Beginning of a transfer's sentence where no parameters lead."""
 
 
 def transfer_curve(
@@ -54,9 +61,12 @@ def transfer_curve(
     check_outputs(
         None, out, page, inputs=[path, manifest, sets, *sorted(clean.rglob("*.parquet"))]
     )  # fmt: skip
-    model = read_json(
-        path, SpindleModelFile, f"run `dvc repro identify_{SUBMODEL.name}@{golden}`"
-    )  # fmt: skip
+    for file, whose, stage in ((path, golden, f"identify_{SUBMODEL.name}"),
+                               (manifest, machine, "ingest")):  # fmt: skip
+        if not file.exists():
+            needed = outside_fleet(whose) or f"run `dvc repro {stage}@{whose}`"
+            raise ValueError(f"{file} does not exist: {needed}")
+    model = read_json(path, SpindleModelFile)
     given: dict[str, Any] = {
         name: structure(values, section_path(values, name, machine), kind)
         for name, kind in sections(SUBMODEL.fitting).items()
@@ -123,9 +133,8 @@ def _shared(model: SpindleModelFile, settings: Any, machine: str) -> Any:
 
 def transfer_table(result: Transfer) -> list[str]:
     """The curve as lines of a table, with its sentence."""
-    simulated = f" ({result.origin})" if result.origin == "simulated" else ""
     lines = [
-        f"{result.machine}{simulated} from {result.golden}: RMSE over free runs of "
+        f"{result.machine}{label(result.origin)} from {result.golden}: RMSE over free runs of "
         f"{len(result.days_judged)} {'day' if len(result.days_judged) == 1 else 'days'} not used "
         "[K]",
         f"{'warm-up, min':>12}  {'pooled':>8}  {'own only':>8}  {'golden':>8}",
@@ -138,14 +147,6 @@ def transfer_table(result: Transfer) -> list[str]:
         f"{', '.join(result.not_transferred)}."
     ]
     return [*lines, result.sentence, *(lacking if result.not_transferred else [])]
-
-
-TOP, HEIGHT = 26.0, 250.0
-"""Place of the curves below the figure's upper edge, and their height [px]."""
-MOST_DAYS = 7
-"""Days judged that are named one by one [1]."""
-NONE_LEADS = "None of the three"
-"""Beginning of a transfer's sentence where no parameters lead."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,7 @@ Conditions that lie outside of the training data are refused by name.
 """
 
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.app.fleet import DATA, ingest_files, machine_parameters
-from pipeline.app.programs import CHAMPION, VERDICT_WORDS, passed_status, stored_model
+from pipeline.app.output import label
+from pipeline.app.programs import CHAMPION, model_folder, model_lines, passed_status, stored_model
 from pipeline.parameters import structure
 from pipeline.signals.conditions import Condition
 from pipeline.signals.wear_lives import ConditionRows, read_lives
@@ -59,15 +60,10 @@ class WearReadings:
     """Quantity that is estimated, and the unit of the tool's use."""
     method: str
     """Method that serves, by its name for a person."""
-    readings: tuple[Reading, ...]
-    """Readings in the order of recordings and time."""
     notes: tuple[str, ...] = ()
     """Limits of the readings, a sentence each."""
-
-    @property
-    def simulated(self) -> str:
-        """Label of what rests on simulated records, with a blank before it."""
-        return " (simulated)" if self.origin == "simulated" else ""
+    readings: tuple[Reading, ...]
+    """Readings in the order of recordings and time."""
 
 
 def wear_of_files(
@@ -227,11 +223,8 @@ def _known(value: float) -> float | None:
 
 def said(wear: WearReadings) -> Iterator[str]:
     """Report of ``kerf wear`` in lines."""
-    yield f"{wear.machine}{wear.simulated}: {wear.quantity} by {wear.method}"
-    if wear.model != CHAMPION:
-        yield "with the latest model, not with the champion"
-    if wear.status != "passed":
-        yield f"WARNING: the wear model {VERDICT_WORDS[wear.status]}"
+    head = f"{wear.machine}{label(wear.origin)}: {wear.quantity} by {wear.method}"
+    yield from model_lines(head, model_folder(wear.machine, wear.model), wear.status, "wear model")
     yield from wear.notes
     by_recording: dict[str, list[Reading]] = {}
     for one in wear.readings:
@@ -254,13 +247,3 @@ def said(wear: WearReadings) -> Iterator[str]:
         if len(some) > SHOWN:
             mean = float(np.mean([one.wear for one in some]))
             yield f"{name}: {len(places)} of {len(some)} windows shown, mean {mean:.3g} {wear.unit}"
-
-
-def document(wear: WearReadings) -> Mapping[str, Any]:
-    """Wear report as JSON holds it, with units in the names."""
-    return {
-        "machine": wear.machine, "origin": wear.origin, "model": wear.model,
-        "status": wear.status, "quantity": wear.quantity, "unit": wear.unit,
-        "use_unit": wear.use_unit, "method": wear.method, "notes": list(wear.notes),
-        "readings": [vars(one) for one in wear.readings],
-    }  # fmt: skip

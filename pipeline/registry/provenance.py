@@ -11,8 +11,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from pipeline.schema.bundle import VERDICT, Bundle
+from pipeline.schema.bundle import MODEL, VERDICT, Bundle
 from pipeline.schema.imports import Module, libraries, modules
+from pipeline.schema.model import Model
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 
@@ -54,14 +55,20 @@ def plain(key: Any) -> str:
     return re.sub(r"[^\w.: -]", "_", str(key))
 
 
+def stored_model(name: str, folder: Path) -> Model:
+    """Model of a sub-model in ``folder``."""
+    from pipeline.submodels.contract import submodel
+
+    found: Model = read_json(folder / MODEL, submodel(name).model)
+    return found
+
+
 def key_figures(name: str, folder: Path) -> dict[str, float]:
     """Key figures of the verdict on a sub-model in ``folder``, and its parameters, as numbers."""
-    from pipeline.submodels.contract import submodel
     from pipeline.submodels.judge import metrics
 
     found = flat(metrics(read_json(folder / VERDICT, Verdict)), f"{name}.")
-    model = read_json(folder / "model.json", submodel(name).model)
-    for group, parameters in model.parameters.items():
+    for group, parameters in stored_model(name, folder).parameters.items():
         prefix = f"{name}.parameter.{group}." if group else f"{name}.parameter."
         found |= flat({key: one.value for key, one in parameters.items()}, prefix)
     return {name: float(v) for name, v in found.items() if isinstance(v, int | float)}
@@ -69,10 +76,8 @@ def key_figures(name: str, folder: Path) -> dict[str, float]:
 
 def training_files(name: str, folder: Path) -> list[tuple[str, str]]:
     """Raw files that a sub-model in ``folder`` was fitted on, with the sha256 of each."""
-    from pipeline.submodels.contract import submodel
-
-    model = read_json(folder / "model.json", submodel(name).model)
-    return sorted((file, sha256) for sha256, file in model.training_files.items())
+    files = stored_model(name, folder).training_files
+    return sorted((file, sha256) for sha256, file in files.items())
 
 
 def hash_of_files(files: Iterable[tuple[str, str]]) -> str:
@@ -83,11 +88,8 @@ def hash_of_files(files: Iterable[tuple[str, str]]) -> str:
 
 def parameters_of(name: str, folder: Path) -> dict[str, str]:
     """Identified parameters with unit and 95 % interval, as words; a key of 250 at most."""
-    from pipeline.submodels.contract import submodel
-
-    model = read_json(folder / "model.json", submodel(name).model)
     found = {}
-    for group, parameters in model.parameters.items():
+    for group, parameters in stored_model(name, folder).parameters.items():
         for key, one in parameters.items():
             unit = "" if one.unit in ("", "1") else f" {one.unit}"
             low, high = one.interval_95 or (None, None)

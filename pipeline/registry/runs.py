@@ -16,10 +16,11 @@ from pipeline.registry.provenance import (
     plain,
     provenance,
     requirements,
+    stored_model,
     training_files,
 )
 from pipeline.registry.store import Version, client_of, experiment_of, model_name, versions
-from pipeline.schema.bundle import MODEL, PREDICTIONS, SERVED, VERDICT, Bundle, Served, copy_bundle
+from pipeline.schema.bundle import PREDICTIONS, SERVED, VERDICT, Bundle, Served, copy_bundle
 from pipeline.schema.model import Model
 from pipeline.schema.predictions import first_judged, read_predictions, shown_predictions
 from pipeline.schema.store import read_json
@@ -33,6 +34,14 @@ METRICS = 1000
 """Values of curves that MLflow takes at once [1]."""
 BATCH = 100
 """Parameters that MLflow takes in one call."""
+ROLES = {"golden": "golden records", "held_out": "records held out of the fit"}
+"""Records that a verdict rests on, in words."""
+LONGEST = 5000
+"""Characters of a description that every store of MLflow takes."""
+MOST = 8
+"""Reasons, conditions and cases of a kind that a card names."""
+SIDE, MARGIN = 420, 60
+"""Side of the square of the figure, and what its words take on each side [px]."""
 
 MadeWith = Callable[[], Mapping[str, Any]]
 """Settings that a bundle was made with, read only when it is logged."""
@@ -203,14 +212,6 @@ def _without_zone(table: "pd.DataFrame") -> "pd.DataFrame":
     return table.assign(**{name: table[name].dt.tz_convert(None) for name in zoned})
 
 
-ROLES = {"golden": "golden records", "held_out": "records held out of the fit"}
-"""Records that a verdict rests on, in words."""
-LONGEST = 5000
-"""Characters of a description that every store of MLflow takes."""
-MOST = 8
-"""Reasons, conditions and cases of a kind that a card names."""
-
-
 def model_card(bundle: Bundle, folder: Path, units: Mapping[str, Mapping[str, str]]) -> str:
     """Card of a bundle."""
     lines = [
@@ -238,8 +239,7 @@ def _part(name: str, folder: Path, units: Mapping[str, str]) -> list[str]:
     from pipeline.submodels.contract import submodel
 
     one = submodel(name)
-    verdict = read_json(folder / VERDICT, Verdict)
-    model = read_json(folder / MODEL, one.model)
+    verdict, model = read_json(folder / VERDICT, Verdict), stored_model(name, folder)
     inputs = ", ".join(f"{i.name} [{i.unit or 1}]" for i in one.inputs) or "see the signature"
     targets = ", ".join(dict.fromkeys(f"{s.quantity} [{s.unit}]" for s in verdict.scores))
     lines = [
@@ -303,10 +303,6 @@ def _score(score: Score, bounds: Mapping[str, float]) -> str:
     if score.coverage_90 is not None:
         inside = f"; {100 * score.coverage_90:.0f} % inside the 90 % interval"
     return f"{score.quantity}{regime}: {', '.join(errors)}{held}{inside}"
-
-
-SIDE, MARGIN = 420, 60
-"""Side of the square of the figure, and what its words take on each side [px]."""
 
 
 def scatter(folder: Path) -> str:

@@ -3,8 +3,8 @@
 import hashlib
 import os
 import sqlite3
-from collections.abc import Mapping
-from contextlib import closing, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -169,18 +169,13 @@ def name_versions(machine: str, root: Path, **wanted: str | None) -> None:
     changed = {alias: number for alias, number in goals.items() if number != now.get(alias)}
     if not changed:
         return
-    import mlflow
-    from sqlalchemy.exc import SQLAlchemyError
-
-    client = client_of(root)
-    try:
+    client, name = client_of(root), model_name(machine)
+    with _writing():
         for alias, number in changed.items():
             if number is None:
-                client.delete_registered_model_alias(model_name(machine), alias)
+                client.delete_registered_model_alias(name, alias)
             else:
-                client.set_registered_model_alias(model_name(machine), alias, str(number))
-    except (mlflow.MlflowException, SQLAlchemyError) as error:
-        raise _not_written(error) from error
+                client.set_registered_model_alias(name, alias, str(number))
 
 
 def note_promotion(machine: str, root: Path, champion: Champion) -> None:
@@ -193,24 +188,25 @@ def note_promotion(machine: str, root: Path, champion: Champion) -> None:
               "promoted_why": champion.why}  # fmt: skip
     if not found or all(found[-1].tags.get(tag, "") == value for tag, value in wanted.items()):
         return
-    import mlflow
-    from sqlalchemy.exc import SQLAlchemyError
-
     client, name, number = client_of(root), model_name(machine), str(found[-1].version)
-    try:
+    with _writing():
         card = client.get_model_version(name, number).description or ""
         client.update_registered_model(name, card)
         for tag, value in wanted.items():
             client.set_model_version_tag(name, number, tag, value)
-    except (mlflow.MlflowException, SQLAlchemyError) as error:
-        raise _not_written(error) from error
 
 
-def _not_written(error: Exception) -> ValueError:
+@contextmanager
+def _writing() -> Iterator[None]:
+    """A store that cannot be written is one sentence."""
     import mlflow
+    from sqlalchemy.exc import SQLAlchemyError
 
-    said = (str(error).splitlines() or [""])[0]
-    return ValueError(
-        f"the registry {mlflow.get_tracking_uri()} cannot be written ({said}): make room for "
-        "it and do this again"
-    )
+    try:
+        yield
+    except (mlflow.MlflowException, SQLAlchemyError) as error:
+        said = (str(error).splitlines() or [""])[0]
+        raise ValueError(
+            f"the registry {mlflow.get_tracking_uri()} cannot be written ({said}): make room for "
+            "it and do this again"
+        ) from error

@@ -65,7 +65,7 @@ def read_golden(path: Path) -> GoldenSets | None:
     """The frozen sets in ``data/golden/<machine>.json``; None when nothing was frozen."""
     if not path.exists():
         return None
-    return read_json(path, GoldenSets, f"freeze it again with `kerf golden {path.stem}`")
+    return read_json(path, GoldenSets, f"freeze it again with `kerf golden --machine {path.stem}`")
 
 
 def write_golden(sets: GoldenSets, path: Path) -> None:

@@ -198,15 +198,13 @@ class CutLimit(Ranged, section="limits"):
     """Greatest changes of F and S from the program."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for item in fields(self):
             value = getattr(self, item.name)
-            if isinstance(value, tuple) and not (
-                len(value) == 2 and 0.0 <= value[0] <= value[1] and value[1] > 0
-            ):
+            if isinstance(value, tuple) and not (len(value) == 2 and value[0] <= value[1] > 0):
                 raise ValueError(
                     f"limits.{item.name} = {list(value)} must be two numbers, the least first"
                 )
-        super().__post_init__()
 
     @classmethod
     def of_options(cls, given: Mapping[str, Any]) -> "CutLimit":

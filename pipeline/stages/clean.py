@@ -30,5 +30,5 @@ def absent_lines(machine: str, summary: Mapping[str, Any], mapping: CleanMachine
         yield (
             f"clean@{machine}: no record has the data item {item!r}, named as "
             f"{mapping.signal_of[item]} in conf/machine/{machine}.yaml: {hint} "
-            f"`kerf records {machine}` lists what there is"
+            f"`kerf records --machine {machine}` lists what there is"
         )

@@ -393,7 +393,8 @@ def why_not_judged(model: Model, cases: Cases, sets: GoldenSets | None) -> str:
         )
     if not fitted:
         return f"no record is of use{said}: see what to record"
-    frozen = "" if sets is not None else f", or freeze some with `kerf golden {model.machine}`"
+    freeze = f", or freeze some with `kerf golden --machine {model.machine}`"
+    frozen = "" if sets is not None else freeze
     return (
         f"the model was fitted on all {len(fitted)} recordings of use{said}: leave some out of "
         f"roles.training{frozen}, or record others"

@@ -66,7 +66,8 @@ def content(shown: Seen) -> PageContent:
         todo={
             "passed": "The model may serve.",
             "failed": "Do not act on this model’s temperatures, and do not promote it.",
-            "unknown": f"Freeze a week that no model is fitted on: `kerf golden {shown.machine}`.",
+            "unknown": "Freeze a week that no model is fitted on: "
+            f"`kerf golden --machine {shown.machine}`.",
         },
         facts=[] if model is None else list(_facts(model)),
         notes=[f"Golden days that are no working days: {day_list(idle)}."] if idle else [],

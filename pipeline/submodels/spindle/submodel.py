@@ -290,8 +290,8 @@ def no_stretch(training: Sequence[Case], cases: Cases, settings: Fitting) -> str
         absent = f" (no record has {named})" if named else ""
         return (
             f"{start}: {', '.join(without)} has no value on any of them; correct its data item "
-            f"under mapping.signals{absent}, `kerf records {settings.identity.name}` lists what "
-            "there is, or record it"
+            f"under mapping.signals{absent}, `kerf records --machine {settings.identity.name}` "
+            "lists what there is, or record it"
         )
     return (
         f"{start}: each has a value, never all of them for so long; record a working day, or name "
@@ -308,7 +308,7 @@ def _check_zone_of_sets(sets: GoldenSets | None, zone: str) -> None:
             raise ValueError(
                 f"the frozen days {frozen.days.first} to {frozen.days.last} of {sets.machine} are "
                 f"those of {frozen.time_zone}, its records are cut by {zone}: freeze them again "
-                f"with `kerf golden {sets.machine}`"
+                f"with `kerf golden --machine {sets.machine}`"
             )
 
 

@@ -139,7 +139,7 @@ def test_who_leads_does_so_beyond_the_sensor_and_at_all_longer_records():
 
 
 def small_transfer(project: Path) -> Path:
-    """A project in which ``kerf transfer mill02 --golden mill01`` has all that it reads."""
+    """A project in which ``kerf transfer`` has all that it reads."""
     with_conf(project)
     write_json(GOLDEN, project / "data/models/mill01/spindle/model.json")
     state = project / "data/clean/mill02/state"
@@ -155,11 +155,15 @@ def small_transfer(project: Path) -> Path:
 
 def test_the_command_writes_the_curve_and_prints_it(tmp_path):
     project = small_transfer(tmp_path / "project")
-    words = ["transfer", "mill02", "--golden", "mill01", "--out"]
+    words = ["transfer", "-m", "mill02", "--golden", "mill01", "--out"]
     with inside(project):
         done = CliRunner().invoke(app, [*words, "curve.json"])
-        same = CliRunner().invoke(app, ["transfer", "mill01", "--golden", "mill01", "--out", "x"])
-        none = CliRunner().invoke(app, ["transfer", "mill01", "--golden", "mill02", "--out", "x"])
+        same = CliRunner().invoke(
+            app, ["transfer", "-m", "mill01", "--golden", "mill01", "--out", "x"]
+        )
+        none = CliRunner().invoke(
+            app, ["transfer", "-m", "mill01", "--golden", "mill02", "--out", "x"]
+        )
     assert done.exit_code == 0, done.output
     found = read_json(project / "curve.json", Transfer)
     assert (found.origin, found.days_judged) == ("simulated", ("2026-01-26",))
