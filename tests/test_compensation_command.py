@@ -18,8 +18,6 @@ from pipeline.submodels.deformation.model import DeformationModel, Learnt, load_
 from pipeline.submodels.deformation.records import AMBIENT, SPEED
 from pipeline.submodels.deformation.submodel import SUBMODEL
 from pipeline.thermal.sensors import lag
-from tests.small_project import ROOT
-from pipeline.thermal.lagged import lag
 from tests.served_project import MACHINE, served_project
 from tests.served_project import run as run_command
 from tests.submodels.deformation.growth_files import NAMES, made, table

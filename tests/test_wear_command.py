@@ -10,11 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline.app import commands
-from pipeline.app.kerf import app
 from pipeline.schema.store import read_json, unstructured, write_json
-from pipeline.schema.store import read_json, write_json
-from pipeline.schema.structure import unstructured
 from pipeline.schema.verdict import Verdict
 from tests.served_project import MACHINE, served_project
 from tests.served_project import run as run_command

@@ -67,8 +67,7 @@ def interpret(
         setup_beside,
         write_moves,
     )
-    from pipeline.gcode.interpret import restart_at
-    from pipeline.gcode.restart import restart_lines
+    from pipeline.gcode.interpret import restart_at, restart_lines
 
     with _working() as to:
         if out is None and at is None:

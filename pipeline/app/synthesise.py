@@ -8,9 +8,13 @@ from pipeline.app.output import check_outputs, label
 from pipeline.app.programs import passed_status, stored_model
 from pipeline.schema.store import write_json
 from pipeline.submodels.synthesis.model import WEAR, Synthesis, load_synthesis
-from pipeline.submodels.synthesis.samples import Explanation, Generated, conditions_of_words, explanation, generated, read_windows, write_generated
-from pipeline.submodels.synthesis.explanation import explanation, read_windows
-from pipeline.submodels.synthesis.samples import conditions_of_words, generated, write_generated
+from pipeline.submodels.synthesis.samples import (
+    conditions_of_words,
+    explanation,
+    generated,
+    read_windows,
+    write_generated,
+)
 from pipeline.submodels.synthesis.submodel import SUBMODEL
 
 

@@ -10,8 +10,6 @@ from math import inf
 from typing import Annotated
 
 from pipeline.schema.model import Band, Correlation, Model
-from pipeline.schema.interval import Band
-from pipeline.schema.model import Correlation, Model
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 
 MOTOR = "motor"

@@ -23,15 +23,19 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline.gcode.moves import AXES, METRE, METRE_PER_SECOND
-from pipeline.machine.axis.drive_parameters import FeedDriveParameters, ServoParameters, check_steps, samples
+from pipeline.machine.axis.drive_parameters import (
+    FeedDriveParameters,
+    ServoParameters,
+    check_steps,
+    samples,
+)
 from pipeline.machine.control.interpolate import Trace
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.path import Motion
 from pipeline.machine.control.planner import Plan
 from pipeline.schema.arrays import Bools, Complexes, Floats
-from pipeline.schema.files import replacing
-from pipeline.machine.axis.drive_parameters import ServoParameters, check_steps, samples
 from pipeline.schema.drive import FeedDriveParameters
+from pipeline.schema.files import replacing
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 from pipeline.twin.drive import IdentifiedDrive
 from pipeline.twin.program_axes import Residual, commanded_positions, driven, moved_axes

@@ -17,7 +17,6 @@ from pipeline.machine.axis.drive_parameters import DriveColumn, ServoParameters,
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.drive import FOLLOWING, DriveAxis, DriveModel, FeedDriveParameters
 from pipeline.schema.model import Condition
-from pipeline.schema.store import StoreError, read_json, structured, unstructured
 from pipeline.schema.store import StoreError, read_json
 from pipeline.schema.verdict import Fact
 

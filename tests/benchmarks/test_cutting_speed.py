@@ -6,11 +6,10 @@ from time import process_time
 
 import numpy as np
 import pytest
+from tests.cutting.stations import stations
 
-from pipeline.cutting.engagement.engagement import ToolPath, engage
-from pipeline.cutting.engagement.height_map import height_map
-from pipeline.cutting.engagement.immersions import Immersions
-from pipeline.cutting.engagement.stock import stock_of
+from pipeline.cutting.engagement.engagement import Immersions, ToolPath, engage
+from pipeline.cutting.engagement.stock import height_map, stock_of
 from pipeline.cutting.force.drawn_loads import drawn_loads, edge_turn
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.force.load_table import LoadTable, load_table
@@ -18,8 +17,7 @@ from pipeline.cutting.force.waveform import basis
 from pipeline.cutting.stability.margins import StabilityTable, _kept, stability_table
 from pipeline.cutting.tool import Kind, Tool
 from tests.cutting.chatter import SLOT, X, Y, depth_limits
-from tests.cutting.stations import random_profile, stations
-from tests.cutting.tool_paths import BALL, BULL_NOSE, FLAT, TURN, through
+from tests.cutting.tool_paths import BALL, BULL_NOSE, FLAT, TURN, random_profile, through
 
 pytestmark = pytest.mark.benchmark(timer=process_time)
 """Time of the processor counts, not that of the clock: what else runs does not."""

@@ -8,9 +8,7 @@ import pytest
 from pipeline.machine.axis.drive import simulate
 from pipeline.machine.axis.drive_parameters import drive_row
 from pipeline.machine.axis.three_loop import follow_position, servo_axis
-from pipeline.machine.axis.three_loop import follow_position
-from pipeline.machine.axis.three_loop_axis import servo_axis
-from pipeline.submodels.drive.mechanics.recursive import RecursiveSettings, recursive_inertia
+from pipeline.submodels.drive.recursive import RecursiveSettings, recursive_inertia
 from tests.twin.axes import AXIS, T, to_and_fro, with_drive, with_servo
 
 pytestmark = pytest.mark.benchmark(timer=process_time)

@@ -8,16 +8,17 @@ import pytest
 
 from pipeline.nets.dcgan_settings import GanSettings, GanTraining
 from pipeline.nets.dcgan_training import train_gan
-from pipeline.nets.sequence_settings import (
+from pipeline.nets.settings import (
     CnnLstmAttentionSettings,
     CnnLstmSettings,
     LstmSettings,
+    NetworkSettings,
     SequenceSettings,
     TcnSettings,
+    TrainingSettings,
     TuningSettings,
     WindowTraining,
 )
-from pipeline.nets.settings import NetworkSettings, TrainingSettings
 from pipeline.nets.training import METHODS, train
 from pipeline.nets.tuning import tune
 from pipeline.nets.window_training import train_windows, usable_precision

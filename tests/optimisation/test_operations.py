@@ -9,9 +9,7 @@ import pytest
 from pipeline.app.tables import read_catalogue, read_material
 from pipeline.cutting.catalogue import OPERATIONS, listed_range
 from pipeline.cutting.engagement.stock import Box
-from pipeline.cutting.tool import Tool, ToolTable
 from pipeline.cutting.tool import Tool
-from pipeline.cutting.tool_range import listed_range
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import parse_program

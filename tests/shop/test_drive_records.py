@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from pipeline.machine.axis.drive_parameters import (
-    DirectionFriction,
     FeedDriveParameters,
     FrictionParameters,
     ServoParameters,
     friction_force,
 )
+from pipeline.schema.drive import DirectionFriction
 from pipeline.shop.control.part_programs import part_programs
 from pipeline.shop.control.postprocessor import PartProgram
 from pipeline.shop.drives.parameters import Drives
@@ -144,13 +144,9 @@ def test_the_axes_keep_their_rapids(cam):
     speed = np.abs(np.diff(way, axis=0)).max(axis=0) * HERTZ * 60
     assert np.all(speed <= [36000.1, 36000.1, 30000.1])
     assert Drives().x.cascade.position_frequency == HERTZ
-from pipeline.machine.axis.drive_parameters import ServoParameters, friction_force
-from pipeline.schema.drive import DirectionFriction, FeedDriveParameters, FrictionParameters
-from pipeline.schema.identity import MachineIdentity
-from pipeline.shop.drives.records import write_drives
-from pipeline.signals.formats import RecordSource
-from pipeline.signals.ingest import ingest
 
+
+from pipeline.schema.drive import FeedDriveParameters, FrictionParameters
 
 SINGLE = {f"servo/reciprocation-{a}.csv": a for a in "XYZ"} | {
     "servo/load-step-X.csv": "X", "servo/load-step-Z.csv": "Z", "servo/inertia-step-X.csv": "X",

@@ -17,10 +17,9 @@ from pipeline.machine.axis.drive_parameters import (
     drive_row,
     friction_force,
 )
+from pipeline.schema.drive import DirectionFriction, FeedDriveParameters, FrictionParameters
 from pipeline.schema.store import StoreError
 from pipeline.twin.drive import loop_matrix, read_drives, stable
-from pipeline.schema.drive import DirectionFriction, FeedDriveParameters, FrictionParameters
-from pipeline.twin.drive import loop_matrix, stable
 from tests.machine.steps import simulate_drive
 from tests.twin.axes import (
     AXIS,

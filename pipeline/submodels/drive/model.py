@@ -18,7 +18,6 @@ from pipeline.schema.drive import (
     Servo,
 )
 from pipeline.schema.model import Correlation, LeftOut, Parameter, significant
-from pipeline.schema.store import structured
 from pipeline.submodels.drive import loop_gain
 from pipeline.submodels.drive.comparison import compared_force, constant_level
 from pipeline.submodels.drive.estimates import AxisFit

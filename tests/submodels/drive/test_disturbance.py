@@ -21,8 +21,6 @@ from pipeline.schema.drive import (
     FrictionParameters,
     Servo,
 )
-from pipeline.schema.drive import DriveModel, FeedDrive, Servo
-from pipeline.schema.store import structured
 from pipeline.submodels.drive.comparison import (
     _added,
     axis_comparison,

@@ -22,9 +22,6 @@ from pipeline.schema.drive import (
 )
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Band, Correlation, LeftOut
-from pipeline.schema.store import read_json, structured, write_json
-from pipeline.schema.interval import Band
-from pipeline.schema.model import Correlation, LeftOut
 from pipeline.schema.store import read_json, write_json
 from pipeline.submodels.cases import Cases, Roles
 from pipeline.submodels.contract import Shown

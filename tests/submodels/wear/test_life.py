@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from pipeline.cutting.economics.material import Taylor
-from pipeline.submodels.wear.life import CutterShape, LifeLaw, ToolUse, WearLifeSettings, engaged, fit_life, uses
-from pipeline.cutting.economics.tool_life import Taylor
 from pipeline.submodels.wear import life
 from tests.submodels.wear.shop_lives import followed, life_settings, tools, windows
 
