@@ -24,7 +24,6 @@ import numpy.typing as npt
 
 from pipeline.gcode.moves import AXES, METRE, METRE_PER_SECOND
 from pipeline.machine.axis.drive_parameters import (
-    FeedDriveParameters,
     ServoParameters,
     check_steps,
     samples,

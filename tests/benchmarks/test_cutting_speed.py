@@ -6,7 +6,7 @@ from time import process_time
 
 import numpy as np
 import pytest
-from tests.cutting.stations import stations
+from tests.cutting.tool_paths import stations
 
 from pipeline.cutting.engagement.engagement import Immersions, ToolPath, engage
 from pipeline.cutting.engagement.stock import height_map, stock_of

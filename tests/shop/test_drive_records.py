@@ -8,13 +8,8 @@ from math import hypot, inf
 import numpy as np
 import pytest
 
-from pipeline.machine.axis.drive_parameters import (
-    FeedDriveParameters,
-    FrictionParameters,
-    ServoParameters,
-    friction_force,
-)
-from pipeline.schema.drive import DirectionFriction
+from pipeline.machine.axis.drive_parameters import ServoParameters, friction_force
+from pipeline.schema.drive import DirectionFriction, FeedDriveParameters, FrictionParameters
 from pipeline.shop.control.part_programs import part_programs
 from pipeline.shop.control.postprocessor import PartProgram
 from pipeline.shop.drives.parameters import Drives
@@ -145,8 +140,6 @@ def test_the_axes_keep_their_rapids(cam):
     assert np.all(speed <= [36000.1, 36000.1, 30000.1])
     assert Drives().x.cascade.position_frequency == HERTZ
 
-
-from pipeline.schema.drive import FeedDriveParameters, FrictionParameters
 
 SINGLE = {f"servo/reciprocation-{a}.csv": a for a in "XYZ"} | {
     "servo/load-step-X.csv": "X", "servo/load-step-Z.csv": "Z", "servo/inertia-step-X.csv": "X",
