@@ -6,7 +6,6 @@ from time import process_time
 
 import numpy as np
 import pytest
-from tests.cutting.tool_paths import stations
 
 from pipeline.cutting.engagement.engagement import Immersions, ToolPath, engage
 from pipeline.cutting.engagement.stock import height_map, stock_of
@@ -17,7 +16,7 @@ from pipeline.cutting.force.waveform import basis
 from pipeline.cutting.stability.margins import StabilityTable, _kept, stability_table
 from pipeline.cutting.tool import Kind, Tool
 from tests.cutting.chatter import SLOT, X, Y, depth_limits
-from tests.cutting.tool_paths import BALL, BULL_NOSE, FLAT, TURN, random_profile, through
+from tests.cutting.tool_paths import BALL, BULL_NOSE, FLAT, TURN, random_profile, stations, through
 
 pytestmark = pytest.mark.benchmark(timer=process_time)
 """Time of the processor counts, not that of the clock: what else runs does not."""
