@@ -24,8 +24,8 @@ class Fleet:
     submodels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Sub-model -> machines with records for it, in the order in which pages show them."""
     drives_under: Mapping[str, str] = field(default_factory=dict)
-    """Machine of ``submodels.compensation`` -> folder of the drives' model whose errors are learnt;
-    one without ``model.json`` where the machine has no such model."""
+    """Machine of ``submodels.following_residual`` -> folder of the drives' model whose errors are
+    learnt; one without ``model.json`` where the machine has no such model."""
     optimised: tuple[str, ...] = ()
     """Machines with part programs that are made faster or cheaper inside their limits."""
     trials: tuple[str, ...] = ()
@@ -45,11 +45,11 @@ class Fleet:
                     f"fleet.{name} names {sorted(strangers)}, which fleet.machines does not: "
                     "add it there"
                 )
-        lacking = sorted(set(self.submodels.get("compensation", ())) - set(self.drives_under))
+        lacking = sorted(set(self.submodels.get("following_residual", ())) - set(self.drives_under))
         if lacking:
             raise ValueError(
-                f"fleet.submodels.compensation names {lacking}, which fleet.drives_under does not: "
-                "name the folder of the drives' model there"
+                f"fleet.submodels.following_residual names {lacking}, which fleet.drives_under "
+                "does not: name the folder of the drives' model there"
             )
         for name, needed in NEEDS:
             lacking = sorted(set(lists[name]) - set(lists.get(needed, ())))

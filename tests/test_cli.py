@@ -24,10 +24,10 @@ from typer.testing import CliRunner
 import pipeline.app.kerf as kerf_options
 import pipeline.app.program_commands  # noqa: F401, its commands
 from pipeline.app.commands import app
-from pipeline.app.compensation import FORMATS
 from pipeline.app.fleet import machine_parameters
 from pipeline.app.output import announced, log_to_standard_error
 from pipeline.app.programs import CHAMPION, LATEST
+from pipeline.app.thermal_growth import FORMATS
 from pipeline.gcode.setup import Setup
 from pipeline.optimisation.settings import Grouping
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden
@@ -51,7 +51,7 @@ from tests.small_project import (
 
 COMMANDS = (
     "ingest", "status", "report", "fleet", "golden", "promote", "predict", "interpret", "simulate",
-    "check", "optimise", "transfer", "compensation", "wear", "synthesise",
+    "check", "optimise", "transfer", "following_residual", "wear", "synthesise",
 )  # fmt: skip
 
 
@@ -320,7 +320,7 @@ def test_what_was_never_built_says_which_fleet_builds_it(project: Path) -> None:
     assert (row["machine"], row["latest"]) == ("mazak01", "not built: run `dvc repro`")
     said = "mill01 is not in the fleet recorded, which is built here: run `kerf fleet demo`"
     for words in (
-        ("records", "-m", MACHINE), ("compensation", "-m", MACHINE, "--out", "c.csv"),
+        ("records", "-m", MACHINE), ("following_residual", "-m", MACHINE, "--out", "c.csv"),
         ("transfer", "-m", "mazak01", "--golden", MACHINE, "--out", "t.json"),
     ):  # fmt: skip
         assert said.partition("run")[0] in refused(project, *words)

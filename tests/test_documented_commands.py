@@ -26,10 +26,10 @@ MODELS = "asks an identified model"
 MINUTES = "takes a minute and an identified model"
 RECORDS = "reads records that the user has"
 ELSEWHERE = {
-    "compensation": MODELS, "fleet": "names the user's own fleet", "golden": RECORDS,
+    "following_residual": MODELS, "fleet": "names the user's own fleet", "golden": RECORDS,
     "ingest": RECORDS, "machine new": RECORDS, "optimise": MINUTES, "predict": MODELS,
     "promote": MODELS, "records": RECORDS, "report": "draws what the pipeline built",
-    "simulate --compensate": MODELS, "synthesise": MODELS, "transfer": MODELS, "wear": MODELS,
+    "simulate --corrected": MODELS, "synthesise": MODELS, "transfer": MODELS, "wear": MODELS,
 }  # fmt: skip
 """Why the others do not run here."""
 
@@ -40,8 +40,8 @@ AGAIN = (["machine", "schema"], ["fleet", "simulated"])
 
 def cheap(words: list[str]) -> bool:
     """Whether a command runs here."""
-    compensated = "--compensate" in words
-    return (words[0] in QUICK or " ".join(words[:2]) in QUICK) and not compensated
+    corrected = "--corrected" in words
+    return (words[0] in QUICK or " ".join(words[:2]) in QUICK) and not corrected
 
 
 def commands() -> list[list[str]]:
@@ -72,7 +72,7 @@ def test_the_pages_hold_commands() -> None:
 def test_a_command_that_does_not_run_here_has_a_reason() -> None:
     left = [one for one in COMMANDS if not cheap(one)]
     names = {
-        f"{one[0]} --compensate" if one[0] == "simulate" else
+        f"{one[0]} --corrected" if one[0] == "simulate" else
         " ".join(one[:2]) if one[0] == "machine" else one[0]
         for one in left
     }  # fmt: skip

@@ -17,11 +17,11 @@ import pytest
 
 from pipeline.app.output import between
 from pipeline.schema.store import write_json
-from pipeline.submodels.compensation import model as compensation
+from pipeline.submodels.following_residual import model as residual_model
 from tests.report.page_reader import outline, words
 from tests.small_project import ROOT
 from tests.test_cli import kerf, refused
-from tests.test_correction_command import drive_axis, judged, with_drives
+from tests.test_command_correction_command import drive_axis, judged, with_drives
 
 PART = """%
 O1000(SLOT)
@@ -82,24 +82,24 @@ def test_following_errors_hold_the_network_where_it_is_asked_for(project, monkey
     """A limit holds against the error and half of its interval of 10 um."""
     limit = ("--limit-following", "60", "--feed", "50", "1000", "--speed", "3000", "3000")
     asked = ("optimise", "part.nc", *given(), *limit, *OUT)
-    assert "drive/model.json does not exist" in refused(project, *asked, "--compensated")
+    assert "drive/model.json does not exist" in refused(project, *asked, "--residual")
     folder = with_drives(project, "mill01", X=drive_axis(), Y=drive_axis(), Z=drive_axis())
-    said = refused(project, *asked, "--compensated")
-    assert "mill01/compensation holds no compensation model that passed" in said
+    said = refused(project, *asked, "--residual")
+    assert "mill01/following_residual holds no residual model that passed" in said
 
     def residual(letter, reference, modelled_error, modelled_command, period):
         return np.zeros(len(reference)), np.full(len(reference), 5e-6)
 
     loaded = SimpleNamespace(residual=residual)
-    monkeypatch.setattr(compensation, "load_compensation", lambda found: loaded)
-    write_json({}, folder / "compensation/model.json")
-    write_json(judged("compensation", "passed"), folder / "compensation/verdict.json")
-    done = kerf(project, *asked, "--compensated")
+    monkeypatch.setattr(residual_model, "load_residual", lambda found: loaded)
+    write_json({}, folder / "following_residual/model.json")
+    write_json(judged("following_residual", "passed"), folder / "following_residual/verdict.json")
+    done = kerf(project, *asked, "--residual")
     assert done.exit_code == 0, done.output
     document = json.loads((project / "better.json").read_text())
     behind = max(document["verified"]["following_um"].values())
     assert behind <= 0.95 * 60 - 5 + 0.1  # without the network it goes up to the limit itself
-    assert "following errors with compensation" in done.stdout
+    assert "following errors with residual network" in done.stdout
     assert document["residual"] in words(project / "better.html")
 
 

@@ -250,7 +250,7 @@ def test_a_version_has_signature_example_units_and_pinned_requirements(made: Pat
     assert "torch" not in names
 
 
-TORCH = {"deformation", "compensation", "wear", "synthesis"}
+TORCH = {"deformation", "following_residual", "wear", "synthesis"}
 ALONE = """
 import sys
 from importlib import import_module

@@ -55,7 +55,9 @@ PICTURES = {
     "spindle": Picture("recorded", "mazak01", "mazak01_spindle.html", 1100, "mazak01_spindle"),
     "control": Picture("recorded", "hurco", "hurco_control.html", 1100, "hurco_control"),
     "drives": Picture("recorded", "emps", "emps_drive.html", 1100, "emps_drive"),
-    "compensation": Picture("recorded", "emps", "emps_compensation.html", 1100, "emps_comp*"),
+    "following_residual": Picture(
+        "recorded", "emps", "emps_following_residual.html", 1100, "emps_following*"
+    ),
     "forces": Picture("recorded", "kistler_slot", "kistler_slot_cutting.html", 1100, "kistler_*"),
     "fleet": Picture("demo", "mill00", "index.html", 620, "mill00_*"),
     "machine": Picture("demo", "mill00", "mill00.html", 1180, "mill00_*"),

@@ -49,8 +49,8 @@ SUBJECTS = {
         "that gets the recorded reference alone, on recordings that the drives were not identified "
         "from.",
     ),
-    "compensation": Subject(
-        "Residual following error", "compensation",
+    "following_residual": Subject(
+        "Residual following error", "following_residual",
         "Following error predicted by drive model and network on recordings held out: before the "
         "motion, and estimated from measurements that are 20 ms old.",
     ),

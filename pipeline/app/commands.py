@@ -220,7 +220,7 @@ def transfer(
 
 
 @app.command(rich_help_panel=kerf.MODELS)
-def compensation(
+def thermal_growth(
     machine: kerf.Machine,
     out: Annotated[Path, typer.Option(help="File to write.")],
     format: kerf.Format = "csv",
@@ -228,11 +228,11 @@ def compensation(
     anyway: kerf.Anyway = False,
 ) -> None:
     """Write the correction of MACHINE's spindle growth as a file for its control."""
-    from pipeline.app.compensation import said, write_compensation
+    from pipeline.app.thermal_growth import said, write_thermal_growth
 
     with one_sentence(), outputs() as to:
         file = to.file(out) or out
-        done = write_compensation(machine, file, format, model, anyway=anyway)
+        done = write_thermal_growth(machine, file, format, model, anyway=anyway)
         for line in said(done, Path(to.names(file)), format):
             to.say(line)
 

@@ -175,9 +175,9 @@ Wear = Annotated[
         "criterion (worn so far that it is changed) or known (as measured)."
     ),
 ]
-Compensated = Annotated[
+WithResidual = Annotated[
     bool,
-    typer.Option("--compensated", help="Following errors with what the network adds to them."),
+    typer.Option("--residual", help="Following errors with what the network adds to them."),
 ]
 ModelName = Literal["champion", "latest"]
 Model = Annotated[ModelName, typer.Option(help="Sub-models that serve, or the latest.")]

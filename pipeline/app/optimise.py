@@ -45,7 +45,7 @@ class SearchOptions:
     split: bool = False
     speeds: str | None = None
     proof_comment: bool = False
-    compensated: bool = False
+    with_residual: bool = False
 
     def settings(self, own: OptimisationSettings) -> OptimisationSettings:
         """The settings of conf/ with what the options change."""
@@ -55,7 +55,7 @@ class SearchOptions:
             search=_with(own.search, seed=self.seed),
             grouping=_with(own.grouping, speeds=self.speeds, split=self.split or None),
             proof_comment=self.proof_comment or own.proof_comment,
-            compensated=self.compensated or own.compensated,
+            with_residual=self.with_residual or own.with_residual,
         )
 
 
@@ -74,7 +74,7 @@ def optimise_part(
     """
     settings = search.settings(on.optimisation)
     models = on.identified_models
-    if settings.compensated:
+    if settings.with_residual:
         residual, name = machine_residual(on)
         models = replace(models, residual=residual, residual_name=name)
     text, setup = part_program(program, on.setup)

@@ -114,10 +114,10 @@ def simulate(
     frf: kerf.Responses = None,
     wear: kerf.Wear = None,
     page: Annotated[Path | None, typer.Option(help="HTML page of the cut.")] = None,
-    compensate: Annotated[
+    corrected_to: Annotated[
         Path | None, typer.Option(help="CSV of commands with which the axes err least.")
     ] = None,
-    compensated: kerf.Compensated = False,
+    with_residual: kerf.WithResidual = False,
     model: kerf.Model = "champion",
 ) -> None:
     """Plan PROGRAM as MACHINE's control does: how long each block takes, and why.
@@ -138,9 +138,9 @@ def simulate(
                 wear=wear, page=page,
             )  # fmt: skip
         request = SimulateRequest(
-            program=program, machine=machine, unit=unit, model=model, compensated=compensated,
+            program=program, machine=machine, unit=unit, model=model, with_residual=with_residual,
             out=to.file(out, ".parquet"), json=to.file(json), page=to.file(page),
-            compensate=to.file(compensate, ".csv"), cut=cut,
+            corrected_to=to.file(corrected_to, ".csv"), cut=cut,
         )  # fmt: skip
         for line in simulate_lines(*simulate_and_write(request, to.taken), request):
             to.say(line)
@@ -320,7 +320,7 @@ def optimise(
         bool,
         typer.Option("--proof-comment", help="The proof's hash in a comment at the program's end."),
     ] = False,
-    compensated: kerf.Compensated = False,
+    with_residual: kerf.WithResidual = False,
 ) -> None:
     """Make PROGRAM faster or cheaper inside its limits; only F and S words change.
 
@@ -351,7 +351,7 @@ def optimise(
         )  # fmt: skip
         search = SearchOptions(
             epsilon=epsilon, seed=seed, split=split, speeds=speeds, proof_comment=proof_comment,
-            compensated=compensated,
+            with_residual=with_residual,
         )  # fmt: skip
         check_outputs(program, written, *shown, inputs=cut.files)
         on = machine_control(machine, unit, model)

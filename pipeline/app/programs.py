@@ -297,15 +297,15 @@ def machine_control(machine: str, unit: str | None, model: str = CHAMPION) -> Co
 
 
 def machine_residual(on: Controlled) -> "tuple[Residual, str]":
-    """The compensation network of a machine with its name."""
-    from pipeline.submodels.compensation.model import residual_of
+    """The residual network of a machine with its name."""
+    from pipeline.submodels.following_residual.model import residual_of
 
-    needed_drives(on, "--compensated")
+    needed_drives(on, "--residual")
     residual, name = residual_of(on.models)
     if residual is None:
         raise ValueError(
-            f"{on.models / 'compensation'} holds no compensation model that passed: leave "
-            f"--compensated out, or record the axes of {on.machine} and run `dvc repro`"
+            f"{on.models / 'following_residual'} holds no residual model that passed: leave "
+            f"--residual out, or record the axes of {on.machine} and run `dvc repro`"
         )
     return residual, name
 

@@ -39,7 +39,7 @@ from pipeline.twin.simulation import block_table, blocks, summary, without_time,
 if TYPE_CHECKING:
     from pipeline.app.cut import CutOptions
     from pipeline.report.programs.simulated import Program
-    from pipeline.twin.correction import CorrectedProgram
+    from pipeline.twin.command_correction import CorrectedProgram
     from pipeline.twin.program_axes import Residual
 
 UNIT_TIME_SHARE = 0.02
@@ -97,16 +97,16 @@ class Simulated:
 
 def simulate_program(
     path: Path, machine: str, unit: str | None, share: Share, model: str = CHAMPION,
-    *, compensated: bool = False,
+    *, with_residual: bool = False,
 ) -> Simulated:  # fmt: skip
     """Plan of the program at ``path`` by the control of ``machine``: the champion's, else conf/'s.
 
-    ``unit``: one of several machines of a kind; its default one when None; ``compensated``: whether
-    following errors hold what the compensation network adds to them.
+    ``unit``: one of several machines of a kind; its default one when None; ``with_residual``:
+    whether following errors hold what the residual network adds to them.
     """
     on = machine_control(machine, unit, model)
     moves = read_moves(path, on.setup, share)
-    residual, name = machine_residual(on) if compensated else (None, "")
+    residual, name = machine_residual(on) if with_residual else (None, "")
     plan = planned_program(moves, on.control)
     return Simulated(
         plan=plan, axes=axes_table(plan, on.models, residual), on=on, checked=on.preflight(moves),
@@ -126,7 +126,9 @@ def axes_table(
     if not found.exists():
         return []
     drives, lines = read_drives(found), plan.path.moves.line
-    name, column = ("drive", "following_error_low") if residual is None else ("compensation", "low")
+    name, column = (
+        ("drive", "following_error_low") if residual is None else ("following_residual", "low")
+    )
     unknown = submodel(name).unknown_columns(models / name)
     why = {letter: unknown.get(f"{letter}_{column}", "") for letter in drives}
     axes: list[dict[str, Any]] = [
@@ -243,11 +245,11 @@ class SimulateRequest:
     machine: str
     unit: str | None
     model: str
-    compensated: bool
+    with_residual: bool
     out: Path | None
     json: Path | None
     page: Path | None
-    compensate: Path | None
+    corrected_to: Path | None
     cut: "CutOptions | None"
     """Blank, tools and material; None where nothing is said of a cut."""
 
@@ -259,12 +261,12 @@ def simulate_and_write(
     options = request.cut
     read = options.files if options else ()
     check_outputs(
-        request.program, request.json, request.out, request.page, request.compensate, inputs=read
+        request.program, request.json, request.out, request.page, request.corrected_to, inputs=read
     )
     with share_bar("planning") as share, step(f"planned {request.program}") as found:
         simulated = simulate_program(
             request.program, request.machine, request.unit, share, request.model,
-            compensated=request.compensated,
+            with_residual=request.with_residual,
         )  # fmt: skip
         found.add(f"{len(simulated.plan.path.moves)} moves, {simulated.plan.total:.1f} s")
     document = simulated_document(simulated, request.program.stem)
@@ -285,16 +287,20 @@ def _corrected(
     simulated: Simulated, request: SimulateRequest, document: dict[str, Any]
 ) -> "CorrectedProgram | None":
     """Corrected command of the program's axes, noted in the document."""
-    if request.compensate is None:
+    if request.corrected_to is None:
         return None
-    from pipeline.submodels.compensation.model import residual_of
-    from pipeline.twin.correction import CorrectedProgram, CorrectionSettings, corrected_program
+    from pipeline.submodels.following_residual.model import residual_of
+    from pipeline.twin.command_correction import (
+        CommandCorrectionSettings,
+        CorrectedProgram,
+        corrected_program,
+    )
 
     on, plan = simulated.on, simulated.plan
-    drives = read_drives(needed_drives(on, "--compensate"))
+    drives = read_drives(needed_drives(on, "--corrected"))
     with step("corrected the axes' commands"):
         residual, words = residual_of(on.models)
-        settings = structure(on.parameters, "correction", CorrectionSettings)
+        settings = structure(on.parameters, "command_correction", CommandCorrectionSettings)
         axes, cutting = corrected_program(plan, drives, residual, settings=settings)
     corrected = CorrectedProgram(
         machine=on.machine, origin=on.origin, program=request.program.stem,
@@ -302,7 +308,7 @@ def _corrected(
         cutting=cutting,
     )  # fmt: skip
     document["correction"] = {
-        "file": request.compensate.as_posix(), "champion": corrected.champion,
+        "file": request.corrected_to.as_posix(), "champion": corrected.champion,
         "residual": words, "axes": corrected.figures,
     }  # fmt: skip
     return corrected
@@ -321,10 +327,10 @@ def _write(
     simulated: Simulated, corrected: "CorrectedProgram | None", document: dict[str, Any],
     request: SimulateRequest, standard: Path | None,
 ) -> None:  # fmt: skip
-    if corrected is not None and request.compensate is not None:
-        from pipeline.twin.correction import write_corrected
+    if corrected is not None and request.corrected_to is not None:
+        from pipeline.twin.command_correction import write_corrected
 
-        write_corrected(corrected, request.compensate)
+        write_corrected(corrected, request.corrected_to)
     if request.json is not None:
         write_json(document, request.json)
     if request.out is not None:
@@ -373,7 +379,7 @@ def simulate_lines(
 
 def correction_lines(document: dict[str, Any]) -> Iterator[str]:
     """Following error as predicted, before and after correction, in lines of ``kerf simulate``."""
-    from pipeline.twin.correction import correction_table
+    from pipeline.twin.command_correction import correction_table
 
     yield f"corrected command in {document['file']}, residual network: {document['residual']}"
     yield "following error as predicted:"

@@ -60,7 +60,7 @@ def fast_lines_apply(state: State) -> bool:
     return (
         state.dialect != SIEMENS
         and state.feed_mode == FeedMode.PER_MINUTE
-        and state.compensation == 0
+        and state.cutter_compensation == 0
         and state.transformed == 0
         and (state.motion in MOTIONS or state.dialect == LINUXCNC)
     )

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.gcode.calls import CallStack, Variables
 from pipeline.gcode.codes.execution import block_of, carry_out
-from pipeline.gcode.compensation import close_contour
+from pipeline.gcode.cutter_compensation import close_contour
 from pipeline.gcode.dialects.siemens import SiemensReader
 from pipeline.gcode.dialects.statement_parser import (
     parse_blocks,
@@ -77,8 +77,8 @@ def _words(run: Run) -> Iterator[tuple[str, str]]:
         yield "next tool", f"T{state.selected}"
     length = f" H{run.length_number}" if run.length_number and run.length_mode != 490 else ""
     yield "tool length", f"{g_code(run.length_mode)}{length}"
-    radius = f" D{run.radius_number}" if state.compensation and run.radius_number else ""
-    yield "cutter radius", f"G{state.compensation or 40}{radius}"
+    radius = f" D{run.radius_number}" if state.cutter_compensation and run.radius_number else ""
+    yield "cutter radius", f"G{state.cutter_compensation or 40}{radius}"
     turning = {1: "M3", -1: "M4"}.get(state.direction, "M5")
     surface = "G96 " if state.constant_surface_speed else ""
     yield "spindle", f"{surface}S{state.speed:g} {turning}"
@@ -109,7 +109,7 @@ def _coolant(run: Run) -> str:
 
 
 def _warnings(run: Run, inside: bool, modal: str) -> Iterator[str]:
-    if run.state.compensation:
+    if run.state.cutter_compensation:
         yield "cutter radius compensation is on: restart before the line that begins it"
     if run.cycle.code != CANCELLED:
         yield "a canned cycle is in force: give all of its words again"

@@ -75,7 +75,7 @@ class State:
     """Index of the file being read."""
     wcs: int = 540
     """Ten times the G code of the work coordinate system in force (540 to 593, 541 for G54.1)."""
-    compensation: int = 0
+    cutter_compensation: int = 0
     """0 for G40, 41 or 42 (cutter radius compensation left, right)."""
     transformed: int = 0
     """1 when positions are more than program + translation: rotation, scaling, mirror, polar
@@ -126,7 +126,7 @@ GROUPS: dict[str, Group] = {
     "spindle_mode": Group(codes=(960, 970), step=25, default=970),
     "plane": Group(codes=(170, 180, 190), step=130, default=170),
     "diameter": Group(codes=(70, 80), step=140, default=80, dialects=LINUXCNC_ONLY),
-    "compensation": Group(codes=(400, 410, 411, 420, 421), step=150, default=400),
+    "cutter_compensation": Group(codes=(400, 410, 411, 420, 421), step=150, default=400),
     "length": Group(codes=(430, 431, 432, 440, 490), step=160, default=490),
     "wcs": Group(
         codes=(540, 541, 550, 560, 570, 580, 590, 591, 592, 593, 5000), step=170, default=540

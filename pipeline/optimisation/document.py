@@ -172,7 +172,7 @@ def _rubs(result: Result) -> Iterator[CutWarning]:
 
 
 def _compensated(result: Result) -> Iterator[str]:
-    """A sentence where following errors hold what a compensation network adds to them."""
+    """A sentence where following errors hold what a residual network adds to them."""
     models, axes = result.job.models, result.answer.verified.axes.axes
     if models.residual is not None:
         yield (

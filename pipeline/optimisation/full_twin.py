@@ -6,7 +6,7 @@ tooth's runout, within an eighth of a degree, in place of the load table's
 
 A following error is proportional to the speed of its axis, so that its excess over the limit is the
 share by which the feed has to fall.  A motor command holds Coulomb friction, weight and the edge
-forces, which no feed changes, so that it takes more rounds.  Where a compensation network gives the
+forces, which no feed changes, so that it takes more rounds.  Where a residual network gives the
 interval of a following error, the limit holds against its worst end, independent of the feed.
 """
 

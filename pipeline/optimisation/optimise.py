@@ -155,10 +155,10 @@ class _Optimisation:
     ) -> None:
         self.job, self.progress, self.text = job, progress, text or _as_programmed(job)
         self.interrupted = False
-        if job.settings.compensated and job.models.residual is None:
+        if job.settings.with_residual and job.models.residual is None:
             raise ValueError(
-                "optimisation.compensated is true and no compensation model is loaded: leave the "
-                "setting out here, and give `kerf optimise --compensated` for a part"
+                "optimisation.with_residual is true and no residual model is loaded: leave the "
+                "setting out here, and give `kerf optimise --residual` for a part"
             )
         self.evaluated = self.tightened = 0
         self.program, self.moves, self.before = self.text.program, self.text.moves, self.text.cut

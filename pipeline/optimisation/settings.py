@@ -96,8 +96,8 @@ class OptimisationSettings:
     """Settings of reliability, grouping and search."""
     proof_comment: bool = False
     """Whether the proof's hash stands in a comment at the end of the program."""
-    compensated: bool = False
-    """Whether following errors hold what the compensation network of the machine adds to them, and
+    with_residual: bool = False
+    """Whether following errors hold what the residual network of the machine adds to them, and
     their limits half of its 90 % interval too; ``kerf optimise`` alone loads one."""
     wear: WearRule = "criterion"
     """Wear of the tools that limits hold for: that at which they are changed, where the growth of

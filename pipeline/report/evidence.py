@@ -76,7 +76,7 @@ def _gain(programs: dict[str, Any]) -> Iterator[str]:
             f"{_share(min(shares))} to {_share(max(shares))} of the axes’ following error in cuts "
             f"(RMS at the loop’s sensor{beside}). They were made from the models alone, "
             "before the motion; "
-            "kerf simulate PROGRAM --machine M --compensate FILE makes them for a program of yours."
+            "kerf simulate PROGRAM --machine M --corrected FILE makes them for a program of yours."
         )
 
 

@@ -46,7 +46,7 @@ class AxisInCut:
     """Greatest force of the cut along the axis, its mean over a turn of the spindle [N]."""
     half_width_um: float = inf
     """Greatest half width of the 90 % interval of the following error in the cut [um]; infinite,
-    and not stored, where no compensation network gives it."""
+    and not stored, where no residual network gives it."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -364,7 +364,7 @@ class OptimisedPart:
     unit: Literal["mm", "inch"] = "mm"
     """Unit of length in which the program writes its feeds."""
     residual: str | None = None
-    """Compensation network whose residual and interval following errors hold; stored only where
+    """residual network whose residual and interval following errors hold; stored only where
     there is one."""
     machine_unit: str | None = None
     """Unit among several machines of a kind; stored only where there are several."""

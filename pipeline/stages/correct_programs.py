@@ -7,19 +7,19 @@ from pipeline.gcode.setup import Setup
 from pipeline.schema.bundle import bundle_words
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.store import write_text
-from pipeline.submodels.compensation.model import residual_of
+from pipeline.submodels.following_residual.model import residual_of
+from pipeline.twin.command_correction import (
+    CommandCorrectionSettings,
+    CorrectedProgram,
+    corrected_program,
+    write_corrected,
+)
 from pipeline.twin.control import (
     ControlRecords,
     control_of_unit,
     planned_program,
     program_moves,
     read_controls,
-)
-from pipeline.twin.correction import (
-    CorrectedProgram,
-    CorrectionSettings,
-    corrected_program,
-    write_corrected,
 )
 from pipeline.twin.drive import read_drives
 
@@ -32,7 +32,7 @@ def correct_programs(
     identity: MachineIdentity,
     setup: Setup,
     control_records: ControlRecords,
-    correction: CorrectionSettings,
+    command_correction: CommandCorrectionSettings,
 ) -> None:
     """Write a corrected command, ``<program>.csv``, for each program that the report shows."""
     written.mkdir(parents=True, exist_ok=True)
@@ -47,7 +47,11 @@ def correct_programs(
         try:
             plan = planned_program(program_moves(path, setup), control)
             axes, cutting = corrected_program(
-                plan, drives, residual, settings=correction, longest=correction.longest_s
+                plan,
+                drives,
+                residual,
+                settings=command_correction,
+                longest=command_correction.longest_s,
             )
         except (GcodeError, ValueError) as error:
             write_text(f"# Kerf: no corrected command of {name}: {error}\n", out)

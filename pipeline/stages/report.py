@@ -50,7 +50,9 @@ def report(
                 programs=programs / name,
                 parts=parts / name,
                 trial=trials / f"{name}.json" if name in fleet.trials else None,
-                corrected=trials / f"{name}_correction.json" if name in fleet.trials else None,
+                corrected=trials / f"{name}_command_correction.json"
+                if name in fleet.trials
+                else None,
                 description=identity.get("description", ""),
                 credit=identity.get("credit", ""),
                 missing=tuple(missing(fleet, name)),

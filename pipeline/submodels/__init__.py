@@ -3,12 +3,20 @@
 ``contract`` says what a sub-model is, ``cases`` what records are to it, ``judge`` how its
 predictions are held against what was measured.  A folder a sub-model: its identification, its
 predictor, its own figures.  The physics that it identifies lies below, in rooms of its own.
-``deformation`` also writes its model as a correction for a control; ``compensation`` gives the
-twin its prediction of what the drives leave over; ``wear`` tells the wear of a recording and
+``deformation`` also writes its model as a correction for a control; ``following_residual`` gives
+the twin its prediction of what the drives leave over; ``wear`` tells the wear of a recording and
 ``synthesis`` makes signals at a given one.
 """
 
 __all__ = [
-    "cases", "compensation", "conformal", "contract", "deformation", "judge",
-    "promotion", "spindle", "synthesis", "wear",
+    "cases",
+    "conformal",
+    "contract",
+    "deformation",
+    "following_residual",
+    "judge",
+    "promotion",
+    "spindle",
+    "synthesis",
+    "wear",
 ]  # fmt: skip

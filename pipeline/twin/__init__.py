@@ -4,5 +4,12 @@ Positions in mm, times in s, forces in N, in the machine's frame.
 """
 
 __all__ = [
-    "control", "correction", "cut", "drive", "preflight", "program_axes", "simulation", "spindle",
+    "command_correction",
+    "control",
+    "cut",
+    "drive",
+    "preflight",
+    "program_axes",
+    "simulation",
+    "spindle",
 ]  # fmt: skip

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.gcode.compensation import Element
+from pipeline.gcode.cutter_compensation import Element
 
 SCALE = 1000.0
 """Contours of metres: tolerances of interpreters are small beside them."""

@@ -246,20 +246,20 @@ def test_a_limit_holds_against_the_worst_inside_of_the_interval() -> None:
 
 
 def test_a_part_is_slower_where_the_network_is_uncertain() -> None:
-    job = paper_job("time", settings=replace(QUICK, compensated=True))
+    job = paper_job("time", settings=replace(QUICK, with_residual=True))
     limits = replace(LIMITS, following_um=80.0)
-    with pytest.raises(ValueError, match="compensated is true and no compensation model is loaded"):
+    with pytest.raises(ValueError, match="with_residual is true and no residual model is loaded"):
         optimise(replace(job, limits=limits, models=replace(job.models, drives=DRIVES)))
     models = replace(job.models, drives=DRIVES, residual=uncertain(0.0, 10e-6),
-                     residual_name="compensation 0123")  # fmt: skip
+                     residual_name="residual network 0123")  # fmt: skip
     result = optimise(replace(job, limits=limits, models=models))
     assert greatest(result, "following_um") <= (76 - 10) * 1.002
     assert greatest(result, "following_um") > 0.8 * (76 - 10)
     part = part_of(result)
     document = part_values(part)
-    assert document["residual"] == "compensation 0123"
+    assert document["residual"] == "residual network 0123"
     assert structured(document, OptimisedPart, "$") == part
-    assert any("compensation 0123" in one and "X 10 um" in one for one in document["notes"])
+    assert any("residual network 0123" in one and "X 10 um" in one for one in document["notes"])
     assert {axis["half_width_um"] for axis in document["verified"]["axes"]} == {10.0}
     bare = part_values(part_of(limited(following=80.0)))
     assert "residual" not in bare

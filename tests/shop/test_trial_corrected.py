@@ -13,7 +13,7 @@ from pipeline.shop.drives.records import Move, circles, travel
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.trials import CommandedPath, Commands, _driven, corrected_trials
 from pipeline.stages.__main__ import run
-from pipeline.twin.correction import corrected_command
+from pipeline.twin.command_correction import corrected_command
 from pipeline.twin.program_axes import between
 from tests.small_project import inside
 from tests.twin.shop_drives import shop_drives
@@ -181,10 +181,10 @@ def test_the_stage_drives_every_table_of_a_folder(tmp_path):
     (tmp_path / "in").mkdir()
     with inside(tmp_path):
         with pytest.raises(ValueError, match=r"in holds no \*.csv"):
-            run("trial_correction@mill01", "in", "out/mill01.json")
+            run("trial_command_correction@mill01", "in", "out/mill01.json")
         for name, share in (("O1-part1", 1.0), ("O1-part2", 0.0)):
             write(Path("in") / f"{name}.csv", circle("mill01", share))
-        run("trial_correction@mill01", "in", "out/mill01.json")
+        run("trial_command_correction@mill01", "in", "out/mill01.json")
     told = json.loads((tmp_path / "out/mill01.json").read_text())
     assert (told["machine"], told["origin"]) == ("mill01", "simulated")
     assert told["programs"].keys() == {"O1-part1", "O1-part2"}

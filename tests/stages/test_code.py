@@ -89,7 +89,7 @@ def known() -> dict[str, Module]:
         "optimise",
         *(
             pytest.param(one, marks=pytest.mark.proof)
-            for one in ("identify_compensation", "judge_cutting")
+            for one in ("identify_following_residual", "judge_cutting")
         ),
     ],
 )

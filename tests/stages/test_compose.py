@@ -195,9 +195,9 @@ PUBLISHED = {
     "tuning.generations": 20,
     "tuning.units": [50, 100],
     "tuning.l2": [1e-4, 1e-1],
-    "compensation_fit.units": 50,
-    "compensation_fit.filters": 16,
-    "compensation_fit.training.validation": 0.2,
+    "following_residual_fit.units": 50,
+    "following_residual_fit.filters": 16,
+    "following_residual_fit.training.validation": 0.2,
     "deformation_fit.every_s": 60.0,  # FFNN2015
     "synthesis_fit.network.latent": 3500,  # DCGAN2019
     "synthesis_fit.network.discriminator": [128, 128, 64, 64],

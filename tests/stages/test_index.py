@@ -85,7 +85,7 @@ def test_a_frozen_set_is_held_against_the_records(tmp_path: Path) -> None:
 MACHINE = "mill00"
 SECTION = {
     "control": "control_records", "drive": "drive_records", "cutting": "cutting_records",
-    "deformation": "deformation_records", "compensation": "compensation_records",
+    "deformation": "deformation_records", "following_residual": "following_residual_records",
     "wear": "wear_records",
 }  # fmt: skip
 

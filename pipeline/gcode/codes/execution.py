@@ -416,7 +416,7 @@ HANDLERS: dict[int, Handler] = {
     **dict.fromkeys((90, 530, 310), _modifier),
     **dict.fromkeys((900, 910, 901, 911, 980, 990), _mode),
     **dict.fromkeys((600, 610, 611, 620, 630, 640), _path_mode),
-    **dict.fromkeys(GROUPS["compensation"].codes, tools.cutter_side),
+    **dict.fromkeys(GROUPS["cutter_compensation"].codes, tools.cutter_side),
     **dict.fromkeys(GROUPS["length"].codes, tools.tool_length),
     **dict.fromkeys(GROUPS["wcs"].codes, work_offsets.select_system),
     **dict.fromkeys((150, 160), work_offsets.polar),

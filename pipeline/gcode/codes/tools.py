@@ -1,6 +1,6 @@
 """Tool, spindle and M codes: tool length, cutter radius, spindle, tool change, subprogram calls."""
 
-from pipeline.gcode.compensation import close_contour
+from pipeline.gcode.cutter_compensation import close_contour
 from pipeline.gcode.modal import FANUC, LINUXCNC, g_code
 from pipeline.gcode.moves import CutterRadius, Kind
 from pipeline.gcode.run import Block, Contour, Jump, Register, Run, Snapshot
@@ -79,14 +79,18 @@ def cutter_side(run: Run, block: Block, code: int, item: WordItem) -> None:
     radius = _radius(run, block, code, item)
     contour = run.contour
     if contour is not None:
-        if state.dialect != LINUXCNC and (state.compensation, contour.radius) == (side, radius):
+        if state.dialect != LINUXCNC and (state.cutter_compensation, contour.radius) == (
+            side,
+            radius,
+        ):
             return
         raise block.error(
-            item, f"G{state.compensation} is in force already: G40 before another side or radius"
+            item,
+            f"G{state.cutter_compensation} is in force already: G40 before another side or radius",
         )
     if state.dialect == LINUXCNC and state.plane == 19:
         raise block.error(item, "LinuxCNC compensates in G17 and G18 only: choose one of them")
-    state.compensation = side
+    state.cutter_compensation = side
     if radius != 0:
         run.contour = Contour(
             side=1 if side == 41 else -1, radius=radius, plane=state.plane, first=run.rows.count,

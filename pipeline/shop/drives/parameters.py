@@ -18,7 +18,7 @@ Typical of a vertical machining centre of 12 to 15 kW.  Sources of the orders of
 - Catalogues of motors of 8 to 22 N m (Fanuc: *AC servo motor α series, descriptions*, B-65262EN;
   Siemens 1FK7; Bosch Rexroth MS2N): 2 to 6e-3 kg m2, 3 or 4 pole pairs, 0.3 to 1 ohm, 3 to 8 mH a
   phase; cogging below 1 % of the stall torque.  Dead time of 2 us at 10 kHz and 560 V costs 11 V,
-  of which compensation leaves some per cent.
+  of which a residual network leaves some per cent.
 """
 
 from dataclasses import dataclass, field

@@ -6,4 +6,4 @@ whole recordings left out of its fit is stored and served.  Source of the fuzzy-
 of its baselines: FFNN2015.
 """
 
-__all__ = ["control_text", "correction", "methods", "model", "records", "submodel"]
+__all__ = ["control_text", "methods", "model", "records", "submodel", "thermal_growth"]

@@ -13,9 +13,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.submodels.deformation.correction import ONE, Correction
 from pipeline.submodels.deformation.records import GROWTH as QUANTITY
 from pipeline.submodels.deformation.records import SPEED
+from pipeline.submodels.deformation.thermal_growth import ONE, Correction
 
 UM_PER_MM = 1000.0
 """Micrometres of a millimetre [1]."""

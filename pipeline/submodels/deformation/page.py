@@ -43,7 +43,7 @@ def content(shown: Seen) -> PageContent:
     """Page content of spindle growth."""
     facts, model = GrowthFacts(shown=shown), shown.model
     warm = _warm_words(facts)
-    load = f"kerf compensation --machine {shown.machine} --out FILE"
+    load = f"kerf thermal-growth --machine {shown.machine} --out FILE"
     titles = {name: one.label for name, one in METHODS.items()}
     return PageContent(
         about="A spindle lengthens as it warms, and the tool goes with it towards the workpiece. "

@@ -75,7 +75,7 @@ def test_an_interval_that_the_judge_calls_not_known_is_no_number(built):
 def test_only_a_model_that_passed_offers_the_correction(built, status, offered):
     said = page(with_status(built, status, "too little was recorded")).verdict
     assert said is not None and said.status == status
-    assert ("(kerf compensation --machine rig --out FILE)" in said.todo) == offered
+    assert ("(kerf thermal-growth --machine rig --out FILE)" in said.todo) == offered
     assert bool(re.search(r"Warm up for \d+\smin", said.todo)) == offered
 
 

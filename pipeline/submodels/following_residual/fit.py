@@ -17,21 +17,21 @@ from pipeline.nets.windows import Recording, WindowInput, Windows, windows_of
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.verdict import significant
-from pipeline.submodels.compensation.features import MEASURED, RESIDUAL, Features, inputs_of
-from pipeline.submodels.compensation.model import (
+from pipeline.submodels.conformal import Residuals, bands, splits
+from pipeline.submodels.following_residual.features import MEASURED, RESIDUAL, Features, inputs_of
+from pipeline.submodels.following_residual.model import (
     ARX,
     ESTIMATION,
     PERSISTENCE,
     PREDICTION,
     TWIN,
-    CompensationFitSettings,
     KindScore,
     LeakShown,
+    ResidualFitSettings,
     SearchFacts,
     UseModel,
     key_of,
 )
-from pipeline.submodels.conformal import Residuals, bands, splits
 
 UM = 1e6
 """Micrometres of a metre."""
@@ -58,7 +58,7 @@ class Sampled:
 
 def sampled(
     features: Sequence[Features], inputs: Sequence[WindowInput], use: str,
-    settings: CompensationFitSettings, *, allow_leaks: bool = False,
+    settings: ResidualFitSettings, *, allow_leaks: bool = False,
 ) -> Sampled:  # fmt: skip
     """Windows of recordings after the time in which the drives' model settles."""
     horizon = inf if use == PREDICTION else settings.horizon_s
@@ -110,7 +110,7 @@ class _Task:
     kind: str
     windows: Windows
     others: Floats
-    settings: CompensationFitSettings
+    settings: ResidualFitSettings
     training: WindowTraining
 
 
@@ -145,7 +145,7 @@ class UseFit:
 
 
 def fit_axes(
-    axes: Mapping[str, Sequence[Features]], settings: CompensationFitSettings
+    axes: Mapping[str, Sequence[Features]], settings: ResidualFitSettings
 ) -> dict[tuple[str, str], UseFit]:
     """Every use of every axis, by letter and use.
 
@@ -173,7 +173,7 @@ def fit_axes(
     }
 
 
-def _folds(part: Sampled, settings: CompensationFitSettings) -> list[tuple[_Task, Any]]:
+def _folds(part: Sampled, settings: ResidualFitSettings) -> list[tuple[_Task, Any]]:
     """Task without its kind, and rows left out, for each fold."""
     groups = _two_or_more(part, settings)
     order = [name for k in range(settings.folds) for name in groups[k :: settings.folds]]
@@ -191,13 +191,13 @@ def _folds(part: Sampled, settings: CompensationFitSettings) -> list[tuple[_Task
     return found
 
 
-def _two_or_more(part: Sampled, settings: CompensationFitSettings) -> list[str]:
+def _two_or_more(part: Sampled, settings: ResidualFitSettings) -> list[str]:
     groups = part.groups
     if len(groups) < 2:
         raise ValueError(
             f"of {len(groups)} training recordings or stretches of them something is left after "
-            f"the first compensation_fit.settle_s = {settings.settle_s:g} s, two are the least: "
-            "record longer ones, or lower it"
+            f"the first following_residual_fit.settle_s = {settings.settle_s:g} s, two are the "
+            "least: record longer ones, or lower it"
         )
     return groups
 
@@ -212,7 +212,7 @@ def _thinned(part: Sampled, groups: Sequence[str]) -> Any:
 
 
 def _use_fit(
-    part: Sampled, place: tuple[str, str], by_time: bool, settings: CompensationFitSettings,
+    part: Sampled, place: tuple[str, str], by_time: bool, settings: ResidualFitSettings,
     done: Mapping[tuple[str, str, str, int], tuple[Mapping[str, Any], Floats]],
 ) -> UseFit:  # fmt: skip
     letter, use = place
@@ -258,7 +258,7 @@ def _score(errors: Sequence[Floats]) -> KindScore:
 
 
 def enough(
-    features: Sequence[Features], settings: CompensationFitSettings
+    features: Sequence[Features], settings: ResidualFitSettings
 ) -> tuple[list[Features], bool]:
     """Recordings, or stretches of them where they are of fewer groups than there are folds.
 
@@ -294,9 +294,9 @@ def _stretches(one: Features, many: int) -> list[Features]:
 
 
 def searched(
-    axes: Mapping[str, Sequence[Features]], settings: CompensationFitSettings,
+    axes: Mapping[str, Sequence[Features]], settings: ResidualFitSettings,
     tuning: TuningSettings,
-) -> tuple[CompensationFitSettings, SearchFacts | None]:  # fmt: skip
+) -> tuple[ResidualFitSettings, SearchFacts | None]:  # fmt: skip
     """Settings with what a search found on the first axis that can be predicted, and its facts.
 
     Learning rate, units and penalty hold for the networks of all kinds and axes: what was cut
@@ -339,7 +339,7 @@ def searched(
 
 
 def leak_shown(
-    letter: str, features: Sequence[Features], settings: CompensationFitSettings, honest: KindScore
+    letter: str, features: Sequence[Features], settings: ResidualFitSettings, honest: KindScore
 ) -> LeakShown:
     """Apparent gain of the published inputs, with the measured error among them, on one axis.
 

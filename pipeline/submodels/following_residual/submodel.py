@@ -1,4 +1,4 @@
-"""Compensation of feed axes as a sub-model: cases are recordings, judged by the following error."""
+"""Residual following error of the feed axes as a sub-model, judged on recordings."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,26 +16,26 @@ from pipeline.schema.ranges import Positive, Ranged, Share
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
-from pipeline.submodels.compensation.features import Features, features_of
-from pipeline.submodels.compensation.fit import UM, chosen, fit_axes, leak_shown, searched
-from pipeline.submodels.compensation.model import (
+from pipeline.submodels.conformal import interval
+from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.following_residual.features import Features, features_of
+from pipeline.submodels.following_residual.fit import UM, chosen, fit_axes, leak_shown, searched
+from pipeline.submodels.following_residual.model import (
     ARX,
     FUZZY,
     PERSISTENCE,
     PREDICTION,
     QUANTITIES,
     TWIN,
-    Compensation,
-    CompensationFitSettings,
-    CompensationModel,
+    LoadedResidual,
     NetworksFile,
+    ResidualFitSettings,
+    ResidualModel,
     UseModel,
     attention_shown,
-    load_compensation,
+    load_residual,
 )
-from pipeline.submodels.compensation.records import CompensationRecords, Run, read_runs
-from pipeline.submodels.conformal import interval
-from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.following_residual.records import ResidualRecords, Run, read_runs
 from pipeline.submodels.statistics import drawn_again
 from pipeline.twin.drive import IdentifiedDrive, read_drives
 
@@ -48,7 +48,7 @@ COMPARED = 400
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompensationLimits(Ranged, section="compensation_limits"):
+class ResidualLimits(Ranged, section="following_residual_limits"):
     """Limits on recordings that no network was trained on."""
 
     coverage: tuple[Share, ...] = (0.8, 1.0)
@@ -63,8 +63,8 @@ class CompensationLimits(Ranged, section="compensation_limits"):
         super().__post_init__()
         if len(self.coverage) != 2 or self.coverage[0] > self.coverage[1]:
             raise ValueError(
-                f"compensation_limits.coverage = {list(self.coverage)} must be the least and the "
-                "greatest share"
+                f"following_residual_limits.coverage = {list(self.coverage)} must be the least and "
+                "the greatest share"
             )
 
 
@@ -74,8 +74,8 @@ class Fitting:
 
     identity: MachineIdentity
     roles: Roles
-    compensation_records: CompensationRecords
-    compensation_fit: CompensationFitSettings
+    following_residual_records: ResidualRecords
+    following_residual_fit: ResidualFitSettings
     tuning: TuningSettings
 
 
@@ -85,8 +85,8 @@ class Judging:
 
     identity: MachineIdentity
     roles: Roles
-    compensation_records: CompensationRecords
-    compensation_limits: CompensationLimits
+    following_residual_records: ResidualRecords
+    following_residual_limits: ResidualLimits
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,7 +98,7 @@ class Driven:
 
     run: Run
     drives: Mapping[str, IdentifiedDrive]
-    records: CompensationRecords
+    records: ResidualRecords
     most: int | None = None
 
     def features(self, letter: str, step_s: float, *, with_fuzzy: bool = False) -> Features:
@@ -113,17 +113,17 @@ class Driven:
         )
 
 
-class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
+class FollowingResidual(SubModel[Fitting, Judging, ResidualModel]):
     """Residual following error beyond the drives' model."""
 
-    name: ClassVar[str] = "compensation"
+    name: ClassVar[str] = "following_residual"
     title: ClassVar[str] = "following error that the drive model leaves over"
     needs: ClassVar[str] = (
         "commanded and measured position of each axis at 500 Hz or more, in five recordings or "
         "more of motions like those that shall be predicted"
     )
     reads: ClassVar[tuple[str, ...]] = ("signals", "drive")
-    model: ClassVar[type] = CompensationModel
+    model: ClassVar[type] = ResidualModel
     fitting: ClassVar[type] = Fitting
     judging: ClassVar[type] = Judging
     inputs: ClassVar[tuple[Input, ...]] = (
@@ -134,13 +134,13 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
     )
     ends: ClassVar[Ends] = {(QUANTITIES[PREDICTION], ""): ("low", "high")}
 
-    def targets(self, settings: Judging, model: CompensationModel) -> tuple[Target, ...]:
+    def targets(self, settings: Judging, model: ResidualModel) -> tuple[Target, ...]:
         """Following error of each axis, predicted and estimated.
 
         An interval as wide as the error holds all of it, and the drive model alone has nothing to
         beat where it serves: every axis has to be predicted in its own right.
         """
-        limits = settings.compensation_limits
+        limits = settings.following_residual_limits
         least, most = limits.coverage
         found = []
         for letter, uses in model.axes.items():
@@ -164,7 +164,7 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
         """Recordings of axes and parts of them; ValueError for a pattern without a file."""
         if records.signals is None or records.drive is None:
             raise ValueError("recordings stand in signals, drives beside them: name both in reads")
-        wanted = settings.compensation_records
+        wanted = settings.following_residual_records
         path = records.drive / "model.json"
         drives = read_drives(path) if path.exists() else {}
 
@@ -193,9 +193,9 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
             )  # fmt: skip
         return Cases(cases=tuple(cases), left_out=tuple(left_out))
 
-    def fit(self, cases: Cases, settings: Fitting, folder: Path) -> CompensationModel:
+    def fit(self, cases: Cases, settings: Fitting, folder: Path) -> ResidualModel:
         """Networks of every axis; what serves is chosen on training recordings left out."""
-        training, fitting = cases.of("training"), settings.compensation_fit
+        training, fitting = cases.of("training"), settings.following_residual_fit
         driven: list[Driven] = [case.load() for case in training]
         if not driven:
             first = next((f"; {one.case}: {one.reason}" for one in cases.left_out), "")
@@ -204,7 +204,7 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
             )
         axes = {
             letter: features
-            for letter in settings.compensation_records.axes
+            for letter in settings.following_residual_records.axes
             if (features := [
                 one.features(letter, fitting.step_s) for one in driven if letter in one.run.axes
             ])
@@ -219,7 +219,7 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
         documents = {key: value for one in found.values() for key, value in one.documents.items()}
         write_json(NetworksFile(documents=documents), folder / "networks.json")
         steps = [one.recording.step_s for features in axes.values() for one in features]
-        model = CompensationModel(
+        model = ResidualModel(
             submodel=self.name,
             machine=settings.identity.name,
             origin=settings.identity.origin,
@@ -236,19 +236,19 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
             settle_s=fitting.settle_s,
             length=fitting.length,
             lead_mm={
-                name: one.lead_mm for name, one in settings.compensation_records.axes.items()
+                name: one.lead_mm for name, one in settings.following_residual_records.axes.items()
                 if one.lead_mm is not None
             },
             with_drive=bool(driven[0].drives),
             search=search,
             leak=leak,
         )  # fmt: skip
-        served = Compensation(file=model, documents=documents)
+        served = LoadedResidual(file=model, documents=documents)
         return replace(model, attention=attention_shown(served, driven[0].drives))
 
     def load(self, folder: Path, settings: Judging) -> Predictor:
         """Predictor of recordings."""
-        model = load_compensation(folder)
+        model = load_residual(folder)
         return lambda case: _predicted(case.load(), model)
 
     def serve(self, folder: Path) -> Callable[[pd.DataFrame], pd.DataFrame]:
@@ -258,7 +258,7 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
         ``<axis>_reference`` [m], ``<axis>_modelled_error`` [m] and ``<axis>_modelled_command`` of
         the drives' model; the axis is at rest in the first row.
         """
-        model = load_compensation(folder)
+        model = load_residual(folder)
 
         def predict(table: pd.DataFrame) -> pd.DataFrame:
             if "t" not in table.columns or len(table) < 2:
@@ -284,7 +284,7 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
 
     def example(self, folder: Path) -> pd.DataFrame:
         """A fifth of a second of slow feed of each axis."""
-        model = load_compensation(folder).file
+        model = load_residual(folder).file
         t = model.step_s * np.arange(100)
         columns: dict[str, Any] = {"t": t}
         for letter, uses in model.axes.items():
@@ -297,16 +297,16 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
 
     def curves(self, folder: Path) -> Mapping[str, Sequence[float]]:
         """Validation RMSE [um] after each epoch of every network, by axis, use, kind and fold."""
-        documents = load_compensation(folder).documents
+        documents = load_residual(folder).documents
         return {
             f"{name}.fold_{fold}": [UM * float(row[2]) for row in one["history"]]
             for name, some in documents.items()
             for fold, one in enumerate(some, start=1)
         }
 
-    def page(self, shown: Shown[CompensationModel]) -> Any:
+    def page(self, shown: Shown[ResidualModel]) -> Any:
         """Error before and after, networks compared, attention, the search."""
-        from pipeline.submodels.compensation.page import content
+        from pipeline.submodels.following_residual.page import content
 
         return content(shown)
 
@@ -327,7 +327,7 @@ def _conditions(run: Run) -> dict[str, Fact]:
     }
 
 
-def _predicted(driven: Driven, model: Compensation) -> Prediction:
+def _predicted(driven: Driven, model: LoadedResidual) -> Prediction:
     frames: list[pd.DataFrame] = []
     facts: dict[str, Fact] = {}
     for letter, uses in model.file.axes.items():
@@ -351,7 +351,7 @@ def _predicted(driven: Driven, model: Compensation) -> Prediction:
 
 
 def _frame(
-    features: Features, letter: str, use: str, model: Compensation, most: int | None
+    features: Features, letter: str, use: str, model: LoadedResidual, most: int | None
 ) -> pd.DataFrame:
     """Following error measured and predicted [um], the other networks beside it."""
     one = model.file.axes[letter][use]
@@ -410,5 +410,5 @@ def _facts(frame: pd.DataFrame, letter: str, use: str) -> dict[str, Fact]:
     return {f"greatest error of {letter} less by, {use}": share}
 
 
-SUBMODEL = CompensationOfAxes()
+SUBMODEL = FollowingResidual()
 """Following errors of feed axes."""

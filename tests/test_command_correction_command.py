@@ -1,4 +1,4 @@
-"""`kerf simulate --compensate` and the stage that writes corrected commands."""
+"""`kerf simulate --corrected` and the stage that writes corrected commands."""
 
 import json
 from pathlib import Path
@@ -15,17 +15,17 @@ from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Verdict
 from pipeline.stages.correct_programs import correct_programs
-from pipeline.submodels.compensation import model as compensation
-from pipeline.submodels.compensation.model import residual_of
+from pipeline.submodels.following_residual import model as residual_model
+from pipeline.submodels.following_residual.model import residual_of
+from pipeline.twin.command_correction import CommandCorrectionSettings
 from pipeline.twin.control import ControlRecords
-from pipeline.twin.correction import CorrectionSettings
 from pipeline.twin.program_axes import commanded_positions
 from tests.small_project import ROOT, inside, with_conf
 from tests.test_cli import kerf, refused
 from tests.test_program_commands import PART, control_model, simulate_program
 
-WORDS = ("simulate", "part.nc", "--machine", "hurco", "--compensate", "corrected.csv")
-NONE = "none: no compensation model of this machine passed"
+WORDS = ("simulate", "part.nc", "--machine", "hurco", "--corrected", "corrected.csv")
+NONE = "none: no residual model of this machine passed"
 
 
 @pytest.fixture
@@ -145,16 +145,16 @@ def test_a_residual_is_used_where_its_model_passed(project, monkeypatch) -> None
         return np.full(len(reference), 7e-6), np.full(len(reference), 3e-6)
 
     loaded = SimpleNamespace(residual=residual)
-    monkeypatch.setattr(compensation, "load_compensation", lambda found: loaded)
-    write_json({}, folder / "compensation/model.json")
+    monkeypatch.setattr(residual_model, "load_residual", lambda found: loaded)
+    write_json({}, folder / "following_residual/model.json")
     for status in ("failed", "not judged"):
-        write_json(judged("compensation", status), folder / "compensation/verdict.json")
+        write_json(judged("following_residual", status), folder / "following_residual/verdict.json")
         assert residual_of(folder) == (None, NONE)
-    write_json(judged("compensation", "passed"), folder / "compensation/verdict.json")
+    write_json(judged("following_residual", "passed"), folder / "following_residual/verdict.json")
     done = kerf(project, *WORDS, "--json", "times.json")
     assert done.exit_code == 0, done.output
     found = json.loads((project / "times.json").read_text())["correction"]
-    assert found["residual"].startswith("compensation ")
+    assert found["residual"].startswith("residual network ")
     assert [axis["half_width_90_um"] for axis in found["axes"]] == [3.0] * 3
     _, table = read(project / "corrected.csv")
     still = (table["cutting"] == 1) & (np.gradient(table["Y"], table["t"]) == 0)
@@ -166,29 +166,29 @@ def test_a_residual_is_used_where_its_model_passed(project, monkeypatch) -> None
 
 def test_simulate_adds_the_residual_of_a_model_that_passed(project, monkeypatch) -> None:
     words = ("simulate", "part.nc", "--machine", "hurco", "--json", "times.json")
-    assert "hurco/drive/model.json does not exist" in refused(project, *words, "--compensated")
+    assert "hurco/drive/model.json does not exist" in refused(project, *words, "--residual")
     folder = with_drives(project, X=drive_axis(), Y=drive_axis(), Z=drive_axis())
-    said = refused(project, *words, "--compensated")
-    assert "hurco/compensation holds no compensation model that passed" in said
+    said = refused(project, *words, "--residual")
+    assert "hurco/following_residual holds no residual model that passed" in said
 
     def residual(letter, reference, modelled_error, modelled_command, period):
         width = np.nan if letter == "Z" else 3e-6
         return 0.5 * modelled_error * (letter != "Z"), np.full(len(reference), width)
 
     loaded = SimpleNamespace(residual=residual)
-    monkeypatch.setattr(compensation, "load_compensation", lambda found: loaded)
-    write_json({}, folder / "compensation/model.json")
-    write_json(judged("compensation", "failed"), folder / "compensation/verdict.json")
-    assert "that passed" in refused(project, *words, "--compensated")
-    write_json(judged("compensation", "passed"), folder / "compensation/verdict.json")
+    monkeypatch.setattr(residual_model, "load_residual", lambda found: loaded)
+    write_json({}, folder / "following_residual/model.json")
+    write_json(judged("following_residual", "failed"), folder / "following_residual/verdict.json")
+    assert "that passed" in refused(project, *words, "--residual")
+    write_json(judged("following_residual", "passed"), folder / "following_residual/verdict.json")
     assert kerf(project, *words).exit_code == 0
     bare = json.loads((project / "times.json").read_text())
     assert "residual" not in bare
     assert all(one["half_width_90_um"] is None for one in bare["axes"])  # a drive without interval
-    done = kerf(project, *words, "--compensated")
+    done = kerf(project, *words, "--residual")
     assert done.exit_code == 0, done.output
     found = json.loads((project / "times.json").read_text())
-    assert found["residual"].startswith("compensation ") and found["residual"] in done.stdout
+    assert found["residual"].startswith("residual network ") and found["residual"] in done.stdout
     more = {"X": 1.5, "Y": 1.5, "Z": 1.0}
     for before, after in zip(bare["axes"], found["axes"], strict=True):
         expected = more[after["axis"]] * before["max_following_um"]
@@ -215,7 +215,7 @@ def test_the_stage_writes_a_file_a_program(project) -> None:
     )
     correct_programs(
         raw, folder, written, identity=MachineIdentity(name="hurco"), setup=Setup(),
-        control_records=records, correction=CorrectionSettings(longest_s=12.0),
+        control_records=records, correction=CommandCorrectionSettings(longest_s=12.0),
     )  # fmt: skip
     head, table = read(written / "good.csv")
     assert list(table) == ["t", "X", "X_corrected", "Y", "Y_corrected", "cutting"]
@@ -229,8 +229,8 @@ def test_the_stage_writes_a_file_a_program(project) -> None:
 def test_the_section_of_conf_is_that_of_the_settings() -> None:
     from pipeline.parameters import read_params, structure
 
-    section = structure(read_params(ROOT / "params.yaml"), "correction", CorrectionSettings)
-    assert section == CorrectionSettings()
+    section = structure(read_params(ROOT / "params.yaml"), "correction", CommandCorrectionSettings)
+    assert section == CommandCorrectionSettings()
 
 
 def test_what_becomes_of_rapids_is_told() -> None:

@@ -11,11 +11,10 @@ from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import AxisParameters, ControlParameters
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.trials import CommandedPath
-from pipeline.twin.control import planned_program
-from pipeline.twin.correction import (
+from pipeline.twin.command_correction import (
     AxisBounds,
+    CommandCorrectionSettings,
     CorrectedProgram,
-    CorrectionSettings,
     bounded,
     corrected_command,
     corrected_program,
@@ -24,6 +23,7 @@ from pipeline.twin.correction import (
     reference_response,
     write_corrected,
 )
+from pipeline.twin.control import planned_program
 from pipeline.twin.drive import IdentifiedDrive
 from pipeline.twin.program_axes import commanded_positions, driven
 from tests.twin.shop_drives import shop_drives
@@ -167,7 +167,9 @@ def test_the_best_step_is_kept_where_further_ones_do_harm() -> None:
 
     found = corrected_command("X", wanted, T, drive(), contrary)
     assert rms(found.error_after) < rms(found.error_before)
-    one = corrected_command("X", wanted, T, drive(), settings=CorrectionSettings(iterations=1))
+    one = corrected_command(
+        "X", wanted, T, drive(), settings=CommandCorrectionSettings(iterations=1)
+    )
     more = corrected_command("X", wanted, T, drive())
     assert rms(more.error_after) <= rms(one.error_after) < rms(one.error_before)
 

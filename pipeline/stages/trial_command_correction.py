@@ -8,7 +8,7 @@ from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.trials import corrected_trials
 
 
-def trial_correction(corrected: Path, driven: Path, *, shop: ShopParameters) -> None:
+def trial_command_correction(corrected: Path, driven: Path, *, shop: ShopParameters) -> None:
     """Drive every ``*.csv`` of ``corrected``, each seed a noise of its own; one JSON for all."""
     tables = sorted(corrected.glob("*.csv"))
     if not tables:

@@ -48,7 +48,7 @@ END = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class CorrectionSettings(Ranged, section="correction"):
+class CommandCorrectionSettings(Ranged, section="command_correction"):
     """Iterations of a program's correction."""
 
     iterations: Annotated[int, Range(least=1)] = 12
@@ -104,7 +104,7 @@ class _Step:
 def corrected_command(
     letter: str, reference: npt.ArrayLike, period: float, drive: IdentifiedDrive,
     residual: Residual | None = None, *, bounds: AxisBounds | None = None,
-    settings: CorrectionSettings | None = None, share: npt.ArrayLike | None = None,
+    settings: CommandCorrectionSettings | None = None, share: npt.ArrayLike | None = None,
 ) -> CorrectedAxis:  # fmt: skip
     """Command with which an axis is predicted to be where the program wants it.
 
@@ -113,7 +113,7 @@ def corrected_command(
     Raises ValueError when the reference is too short or not finite, the share has another length,
     or the drive has no servo or is unstable.
     """
-    wanted, known = samples("reference", reference), settings or CorrectionSettings()
+    wanted, known = samples("reference", reference), settings or CommandCorrectionSettings()
     check_steps(period, 1)
     if drive.servo is None:
         raise ValueError(f"axis {letter} has no servo: {drive.servo_reason}")
@@ -282,7 +282,7 @@ HALF = "90 % half width [um]"
 
 def corrected_program(
     plan: Plan, drives: Mapping[str, IdentifiedDrive], residual: Residual | None = None, *,
-    settings: CorrectionSettings | None = None, longest: float = inf,
+    settings: CommandCorrectionSettings | None = None, longest: float = inf,
 ) -> tuple[dict[str, CorrectedAxis], Bools]:  # fmt: skip
     """Linear axes with a servo that move in a program, each with its corrected command.
 

@@ -10,8 +10,8 @@ import pytest
 
 from pipeline.nets.settings import TuningSettings
 from pipeline.nets.windows import WindowInput, windows_of
-from pipeline.submodels.compensation.features import MEASURED, RESIDUAL, Features, inputs_of
-from pipeline.submodels.compensation.fit import (
+from pipeline.submodels.following_residual.features import MEASURED, RESIDUAL, Features, inputs_of
+from pipeline.submodels.following_residual.fit import (
     UseFit,
     _folds,
     enough,
@@ -21,15 +21,15 @@ from pipeline.submodels.compensation.fit import (
     searched,
     stratified,
 )
-from pipeline.submodels.compensation.model import (
+from pipeline.submodels.following_residual.model import (
     ESTIMATION,
     PERSISTENCE,
     PREDICTION,
     TWIN,
-    CompensationFitSettings,
+    ResidualFitSettings,
     key_of,
 )
-from tests.submodels.compensation.axis_files import QUICK, SEARCH, Made
+from tests.submodels.following_residual.axis_files import QUICK, SEARCH, Made
 
 LINEAR = replace(QUICK, kinds=("arx",), windows=400)
 
@@ -46,7 +46,7 @@ def recordings() -> list[Features]:
 
 
 def with_target(
-    features: Sequence[Features], change, settings: CompensationFitSettings = LINEAR
+    features: Sequence[Features], change, settings: ResidualFitSettings = LINEAR
 ) -> dict[tuple[str, str], UseFit]:
     """Fit to another residual."""
     return fit_axes({"X": [with_residual(one, change) for one in features]}, settings)
@@ -191,7 +191,7 @@ def test_enough_recordings_stay_whole(recordings):
 
 def test_recordings_too_short_for_folds_are_refused_in_a_sentence():
     """Stretches of 80 ms hold no sample after the 100 ms in which the model settles."""
-    with pytest.raises(ValueError, match=r"compensation_fit\.settle_s"):
+    with pytest.raises(ValueError, match=r"following_residual_fit\.settle_s"):
         fit_axes({"X": [Made(0, many=120).features]}, QUICK)
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from pipeline.gcode.compensation import RULES, CompensationError, Element, compensate
+from pipeline.gcode.cutter_compensation import RULES, CompensationError, Element, compensate
 from tests.gcode.compensated_contours import (
     SCALE,
     distance,

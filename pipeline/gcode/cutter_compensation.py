@@ -299,7 +299,7 @@ def close_contour(run: Run) -> None:
     Raises GcodeError where the tool cannot follow, with the line of the move.
     """
     contour, run.contour = run.contour, None
-    run.state.compensation = 0
+    run.state.cutter_compensation = 0
     if contour is None or run.rows.count <= contour.first:
         return
     programmed = run.rows.cut(contour.first)

@@ -13,25 +13,25 @@ from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 from pipeline.stages.identify import identify, judge
 from pipeline.submodels.cases import Case, Records, leak_reasons
-from pipeline.submodels.compensation import submodel
-from pipeline.submodels.compensation.features import modelled_following
-from pipeline.submodels.compensation.model import (
+from pipeline.submodels.conformal import half_widths
+from pipeline.submodels.contract import Prediction
+from pipeline.submodels.following_residual import submodel
+from pipeline.submodels.following_residual.features import modelled_following
+from pipeline.submodels.following_residual.model import (
     ESTIMATION,
     FUZZY,
     PREDICTION,
     QUANTITIES,
     TWIN,
-    CompensationFitSettings,
-    CompensationModel,
-    load_compensation,
+    ResidualFitSettings,
+    ResidualModel,
+    load_residual,
 )
-from pipeline.submodels.compensation.records import CompensationRecords
-from pipeline.submodels.compensation.submodel import SUBMODEL
-from pipeline.submodels.conformal import half_widths
-from pipeline.submodels.contract import Prediction
+from pipeline.submodels.following_residual.records import ResidualRecords
+from pipeline.submodels.following_residual.submodel import SUBMODEL
 from pipeline.submodels.judge import judge as judge_of
 from pipeline.submodels.statistics import DRAWN
-from tests.submodels.compensation.axis_files import (
+from tests.submodels.following_residual.axis_files import (
     ALONE,
     PERIOD,
     QUICK,
@@ -68,14 +68,14 @@ def recordings() -> dict[str, pd.DataFrame]:
 class Built:
     reads: Mapping[str, Path]
     folder: Path
-    model: CompensationModel
+    model: ResidualModel
     verdict: Verdict
     predictions: pd.DataFrame
 
 
 def build(
-    folder: Path, found: Mapping[str, pd.DataFrame], *, settings: CompensationFitSettings = LINEAR,
-    training: tuple[str, ...] = TRAINING, wanted: CompensationRecords | None = None,
+    folder: Path, found: Mapping[str, pd.DataFrame], *, settings: ResidualFitSettings = LINEAR,
+    training: tuple[str, ...] = TRAINING, wanted: ResidualRecords | None = None,
     with_drive: bool = True,
 ) -> Built:  # fmt: skip
     wanted = wanted or records()
@@ -89,14 +89,14 @@ def build(
         settings=judging(training, wanted),
     )  # fmt: skip
     return Built(
-        reads, out, read_json(out / "model.json", CompensationModel),
+        reads, out, read_json(out / "model.json", ResidualModel),
         read_json(out / "verdict.json", Verdict), pd.read_parquet(out / "predictions.parquet"),
     )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
-    return build(tmp_path_factory.mktemp("compensation"), recordings())
+    return build(tmp_path_factory.mktemp("following_residual"), recordings())
 
 
 def test_the_fit_does_not_change_when_held_out_recordings_do(built, tmp_path):
@@ -241,7 +241,7 @@ def test_networks_that_do_not_serve_are_compared_on_some_samples(tmp_path, monke
     """What serves and what it has to beat is known of all; of training recordings nothing else."""
     found = build(tmp_path, recordings(), settings=replace(QUICK, kinds=("arx", "lstm")))
     monkeypatch.setattr(submodel, "COMPARED", 40)
-    model = load_compensation(found.folder)
+    model = load_residual(found.folder)
     use = model.file.axes["X"][PREDICTION]
     serving = replace(use, champion="lstm")  # whose weights are random: it says how far they matter
     file = replace(model.file, axes={"X": {PREDICTION: serving}})
@@ -275,7 +275,7 @@ def test_a_command_at_rest_has_the_residual_of_rest(built, period):
     """T samples whatever the period; nothing is left over where nothing moves."""
     many = 80
     rest = np.full(many, 0.123)
-    model = load_compensation(built.folder)
+    model = load_residual(built.folder)
     found, half = model.residual("X", rest, np.zeros(many), np.zeros(many), period)
     assert found.shape == half.shape == (many,)
     np.testing.assert_allclose(found, found[0], rtol=0, atol=1e-12)
@@ -286,7 +286,7 @@ def test_a_command_at_rest_has_the_residual_of_rest(built, period):
 
 def test_a_command_has_the_residual_that_its_recording_shows(built):
     """Whatever the period at which the command is given."""
-    model, reference = load_compensation(built.folder), strokes(20)
+    model, reference = load_residual(built.folder), strokes(20)
     error, command = modelled_following("X", reference, PERIOD, drive())
     found, _ = model.residual("X", reference, error, command, PERIOD)
     truth = lacked(reference)
@@ -312,7 +312,7 @@ def test_signals_and_drives_are_both_read(tmp_path):
 
 def test_every_training_has_its_curve(built):
     curves = SUBMODEL.curves(built.folder)
-    model = load_compensation(built.folder)
+    model = load_residual(built.folder)
     assert set(curves) == {
         f"{name}.fold_{k}"
         for name, some in model.documents.items()
@@ -330,5 +330,5 @@ def test_an_axis_that_holds_a_weight_held_it_before_the_command(built):
     """Its torque command is not zero at rest, nor was it before the first sample."""
     many = 80
     rest, held = np.full(many, 0.123), np.full(many, 2.0)
-    found, _ = load_compensation(built.folder).residual("X", rest, 0 * held, held, PERIOD)
+    found, _ = load_residual(built.folder).residual("X", rest, 0 * held, held, PERIOD)
     np.testing.assert_allclose(found, found[0], rtol=0, atol=1e-12)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.submodels.deformation.correction import correction
 from pipeline.submodels.deformation.model import (
     LEFT_OUT,
     GrowthModel,
@@ -13,6 +12,7 @@ from pipeline.submodels.deformation.model import (
     load_growth_model,
 )
 from pipeline.submodels.deformation.records import State, read_profiles
+from pipeline.submodels.deformation.thermal_growth import correction
 from tests.submodels.deformation.growth_files import RECORDS
 from tests.submodels.deformation.test_submodel import QUICK, ROLES, Built, build, recordings
 

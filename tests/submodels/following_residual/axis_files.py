@@ -32,20 +32,20 @@ from pipeline.schema.model import Correlation
 from pipeline.schema.store import write_json
 from pipeline.signals.recordings import Channel
 from pipeline.submodels.cases import Roles
-from pipeline.submodels.compensation.features import (
+from pipeline.submodels.following_residual.features import (
     Features,
     before_motion,
     features_of,
     modelled_following,
 )
-from pipeline.submodels.compensation.model import CompensationFitSettings
-from pipeline.submodels.compensation.records import (
+from pipeline.submodels.following_residual.model import ResidualFitSettings
+from pipeline.submodels.following_residual.records import (
     AxisRun,
-    CompensationRecords,
     ErrorChannels,
+    ResidualRecords,
     Run,
 )
-from pipeline.submodels.compensation.submodel import CompensationLimits, Fitting, Judging
+from pipeline.submodels.following_residual.submodel import Fitting, Judging, ResidualLimits
 from pipeline.twin.drive import IdentifiedDrive, identified_drives
 
 PERIOD = 0.002
@@ -61,7 +61,7 @@ POSITIONS = ErrorChannels(
     command=Channel(column="x_current"),
 )  # fmt: skip
 ALONE = ErrorChannels(error=Channel(column="x_error", unit="m"))
-QUICK = CompensationFitSettings(
+QUICK = ResidualFitSettings(
     step_s=0.004, length=12, horizon_s=0.02, settle_s=0.1, windows=60, folds=2, units=4, filters=2,
     kinds=("arx", "lstm"), estimators=("arx",), ridges=(1e-2, 1e-4), searched="",
     training=WindowTraining(epochs=2, patience=2, batch=32),
@@ -72,26 +72,26 @@ SEARCH = TuningSettings(
 )  # fmt: skip
 
 
-def records(axis: ErrorChannels = POSITIONS, **changes: Any) -> CompensationRecords:
-    """Section ``compensation_records`` of the made recordings."""
-    return CompensationRecords(**({"recordings": ("feed/*.csv",), "axes": {"X": axis}} | changes))
+def records(axis: ErrorChannels = POSITIONS, **changes: Any) -> ResidualRecords:
+    """Section ``following_residual_records`` of the made recordings."""
+    return ResidualRecords(**({"recordings": ("feed/*.csv",), "axes": {"X": axis}} | changes))
 
 
 def fitting(
-    training: tuple[str, ...], wanted: CompensationRecords, settings: CompensationFitSettings
+    training: tuple[str, ...], wanted: ResidualRecords, settings: ResidualFitSettings
 ) -> Fitting:
     """What the fit reads."""
     return Fitting(
-        identity=IDENTITY, roles=Roles(training=training), compensation_records=wanted,
-        compensation_fit=settings, tuning=SEARCH,
+        identity=IDENTITY, roles=Roles(training=training), following_residual_records=wanted,
+        following_residual_fit=settings, tuning=SEARCH,
     )  # fmt: skip
 
 
-def judging(training: tuple[str, ...], wanted: CompensationRecords) -> Judging:
+def judging(training: tuple[str, ...], wanted: ResidualRecords) -> Judging:
     """What the judgement reads."""
     return Judging(
-        identity=IDENTITY, roles=Roles(training=training), compensation_records=wanted,
-        compensation_limits=CompensationLimits(),
+        identity=IDENTITY, roles=Roles(training=training), following_residual_records=wanted,
+        following_residual_limits=ResidualLimits(),
     )  # fmt: skip
 
 
@@ -193,7 +193,7 @@ def write_signals(folder: Path, tables: Mapping[str, pd.DataFrame]) -> Path:
 
 @dataclass(frozen=True)
 class Made:
-    """Recordings in memory as :func:`pipeline.submodels.compensation.fit.fit_axes` takes them."""
+    """Recordings in memory as ``following_residual.fit.fit_axes`` takes them."""
 
     seed: int
     extra: bool = True

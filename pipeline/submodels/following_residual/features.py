@@ -17,7 +17,7 @@ import numpy as np
 
 from pipeline.nets.windows import Recording, WindowInput
 from pipeline.schema.arrays import Bools, Floats
-from pipeline.submodels.compensation.records import AxisRun, Run
+from pipeline.submodels.following_residual.records import AxisRun, Run
 from pipeline.twin.drive import IdentifiedDrive
 from pipeline.twin.program_axes import driven, driven_by_fuzzy
 

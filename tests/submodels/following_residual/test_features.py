@@ -9,7 +9,7 @@ import pytest
 from pipeline.nets.windows import WindowInput
 from pipeline.schema.arrays import Floats
 from pipeline.signals.recordings import Channel
-from pipeline.submodels.compensation.features import (
+from pipeline.submodels.following_residual.features import (
     BEND,
     COMMANDED,
     EVEN,
@@ -26,8 +26,8 @@ from pipeline.submodels.compensation.features import (
     modelled_following,
     regimes,
 )
-from pipeline.submodels.compensation.records import AxisRun, ErrorChannels, Run, read_runs
-from tests.submodels.compensation.axis_files import (
+from pipeline.submodels.following_residual.records import AxisRun, ErrorChannels, Run, read_runs
+from tests.submodels.following_residual.axis_files import (
     ALONE,
     PERIOD,
     POSITIONS,
@@ -97,7 +97,7 @@ def test_a_part_has_the_hash_of_its_samples_in_whatever_file(tmp_path, beside):
 def test_a_column_of_parts_that_is_missing_is_said(tmp_path):
     (run,) = runs_of(tmp_path, {"a": parabola()}, parts=("tool",)).values()
     assert not run.axes
-    assert "'tool'" in run.lacking["X"] and "compensation_records.parts" in run.lacking["X"]
+    assert "'tool'" in run.lacking["X"] and "following_residual_records.parts" in run.lacking["X"]
 
 
 def test_the_end_of_a_training_recording_is_a_recording_of_its_own(tmp_path):

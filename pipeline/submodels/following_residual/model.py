@@ -1,4 +1,4 @@
-"""Stored compensation model of the residual following error, its predictor and its attention.
+"""Stored residual model of the residual following error, its predictor and its attention.
 
 For each axis and use, networks of each kind are kept as they were trained on all but one fold of
 the training recordings; what serves is the mean of those of the champion.  Its ``residual``
@@ -32,7 +32,8 @@ from pipeline.schema.model import Band, Model
 from pipeline.schema.ranges import Count, NotNegative, Positive, Range, Ranged
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
-from pipeline.submodels.compensation.features import (
+from pipeline.submodels.conformal import half_widths
+from pipeline.submodels.following_residual.features import (
     MEASURED,
     REGIMES,
     RESIDUAL,
@@ -41,7 +42,6 @@ from pipeline.submodels.compensation.features import (
     modelled_following,
     regimes,
 )
-from pipeline.submodels.conformal import half_widths
 from pipeline.twin.drive import IdentifiedDrive
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ NAMES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompensationFitSettings(Ranged, section="compensation_fit"):
+class ResidualFitSettings(Ranged, section="following_residual_fit"):
     """Training and comparison of the networks."""
 
     step_s: Positive = 0.002
@@ -107,11 +107,12 @@ class CompensationFitSettings(Ranged, section="compensation_fit"):
         for kind in named:
             if kind not in KINDS:
                 raise ValueError(
-                    f"compensation_fit names the network {kind!r}: choose among {', '.join(KINDS)}"
+                    f"following_residual_fit names the network {kind!r}: choose among "
+                    f"{', '.join(KINDS)}"
                 )
         if not (self.kinds and self.estimators and self.ridges):
             raise ValueError(
-                "compensation_fit.kinds, .estimators and .ridges need one entry each at least"
+                "following_residual_fit.kinds, .estimators and .ridges need one entry each at least"
             )
 
     def networks(self, kind: str) -> tuple[SequenceSettings, ...]:
@@ -209,7 +210,7 @@ class AttentionShown:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompensationModel(Model):
+class ResidualModel(Model):
     """``model.json``; the networks stand in ``networks.json`` beside it."""
 
     axes: Mapping[str, Mapping[str, UseModel]]
@@ -245,10 +246,10 @@ def key_of(letter: str, use: str, kind: str) -> str:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Compensation:
+class LoadedResidual:
     """The model with its networks, restored at their first use."""
 
-    file: CompensationModel
+    file: ResidualModel
     documents: Mapping[str, tuple[Mapping[str, Any], ...]]
     restored: dict[str, "tuple[TrainedSequence, ...]"] = field(default_factory=dict)
 
@@ -328,26 +329,26 @@ class Compensation:
         return np.interp(t, grid, found), np.interp(t, grid, 1e-6 * upper)
 
 
-def load_compensation(folder: Path) -> Compensation:
+def load_residual(folder: Path) -> LoadedResidual:
     """The model in a folder; StoreError when a file is missing, broken or of another form."""
-    return Compensation(
-        file=read_json(folder / "model.json", CompensationModel),
+    return LoadedResidual(
+        file=read_json(folder / "model.json", ResidualModel),
         documents=read_json(folder / "networks.json", NetworksFile).documents,
     )
 
 
-NO_RESIDUAL = "none: no compensation model of this machine passed"
+NO_RESIDUAL = "none: no residual model of this machine passed"
 
 
 def residual_of(models: Path) -> tuple["Residual | None", str]:
     """The residual network of a machine with its name; none where no such model passed."""
-    folder = models / "compensation"
+    folder = models / "following_residual"
     verdict = folder / "verdict.json"
     if not (folder / "model.json").exists():
         return None, NO_RESIDUAL
     if not verdict.exists() or read_json(verdict, Verdict).status != "passed":
         return None, NO_RESIDUAL
-    return load_compensation(folder).residual, f"compensation {model_hash(folder)[:12]}"
+    return load_residual(folder).residual, f"residual network {model_hash(folder)[:12]}"
 
 
 DRAWN_WINDOWS = 100
@@ -359,7 +360,7 @@ RAMP_S, EVEN_S, STAND_S = 0.1, 0.3, 0.2
 
 
 def attention_shown(
-    model: Compensation, drives: Mapping[str, IdentifiedDrive]
+    model: LoadedResidual, drives: Mapping[str, IdentifiedDrive]
 ) -> AttentionShown | None:
     """Attention of the first axis whose network before the motion has any; None without one.
 
@@ -377,7 +378,7 @@ def attention_shown(
     return None
 
 
-def _highest(model: Compensation, letter: str) -> float:
+def _highest(model: LoadedResidual, letter: str) -> float:
     """Highest training speed [mm/s]; 0 where it is not recorded."""
     found = model.file.conditions.get(f"highest speed {letter}")
     return 0.0 if found is None or found.high is None else float(found.high)
@@ -393,7 +394,7 @@ def to_and_fro(speed: float) -> Floats:
 
 
 def _attended(
-    model: Compensation, letter: str, speed: float, drive: IdentifiedDrive | None
+    model: LoadedResidual, letter: str, speed: float, drive: IdentifiedDrive | None
 ) -> AttentionShown:
     reference = to_and_fro(speed)
     of_model = None if drive is None else modelled_following(letter, reference, PERIOD, drive)

@@ -1,4 +1,4 @@
-"""Spindle growth compensation as a file for a machine's control (`kerf compensation`)."""
+"""Correction of spindle growth as a file for a machine's control (`kerf thermal-growth`)."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,21 +18,21 @@ from pipeline.submodels.deformation.control_text import (
     control_lines,
     table_lines,
 )
-from pipeline.submodels.deformation.correction import correction
 from pipeline.submodels.deformation.methods import PERSISTENCE
 from pipeline.submodels.deformation.model import GrowthModel, load_growth_model
 from pipeline.submodels.deformation.records import GROWTH as QUANTITY
 from pipeline.submodels.deformation.records import State
 from pipeline.submodels.deformation.submodel import SUBMODEL
+from pipeline.submodels.deformation.thermal_growth import correction
 
 FORMATS = ("csv", *CONTROLS)
 """Kinds of file."""
 
 
-def write_compensation(
+def write_thermal_growth(
     machine: str, out: Path, kind: str = "csv", model: str = "champion", *, anyway: bool = False
 ) -> Written:
-    """Write a machine's spindle growth compensation.
+    """Write a machine's correction of spindle growth.
 
     ``anyway``: even when the model failed or was not judged.
     """
@@ -55,7 +55,7 @@ def write_compensation(
 
 
 def _judged(folder: Path, *, anyway: bool) -> str:
-    """Status of the verdict; always refused where no compensation at all errs less."""
+    """Status of the verdict; always refused where no correction at all errs less."""
     path = folder / "verdict.json"
     verdict = read_json(path, Verdict) if path.exists() else None
     total = None if verdict is None else verdict.total(QUANTITY)
@@ -82,7 +82,7 @@ def _training(machine: str, parameters: dict[str, Any], growth: GrowthModel) -> 
 
 
 def said(done: Written, out: Path, kind: str) -> Iterator[str]:
-    """Report of ``kerf compensation`` in lines."""
+    """Report of ``kerf thermal-growth`` in lines."""
     found = done.correction
     below, above = found.interval_um
     head = f"{done.machine}{done.simulated}: growth by {done.method}"

@@ -1,4 +1,4 @@
-"""Recordings of axes for compensation: following errors on an even grid.
+"""Recordings of axes for the residual networks: following errors on an even grid.
 
 A recording holds, for each axis, commanded and measured position, or the control's own position
 error; the torque command where it was recorded.  Words in columns of a table (a tool, a cut) may
@@ -25,7 +25,7 @@ MOTION = ("reference", "position", "error")
 
 
 @dataclass(frozen=True, kw_only=True)
-class ErrorChannels(Ranged, section="compensation_records.axes"):
+class ErrorChannels(Ranged, section="following_residual_records.axes"):
     """Channels of one axis: both positions, or the error."""
 
     reference: Channel | None = None
@@ -43,8 +43,8 @@ class ErrorChannels(Ranged, section="compensation_records.axes"):
         super().__post_init__()
         if self.error is None and (self.reference is None or self.position is None):
             raise ValueError(
-                "compensation_records: an axis names neither its error nor both its commanded and "
-                "its measured position: name them"
+                "following_residual_records: an axis names neither its error nor both its commanded "
+                "and its measured position: name them"
             )
 
     @property
@@ -60,7 +60,7 @@ class ErrorChannels(Ranged, section="compensation_records.axes"):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompensationRecords(Ranged, section="compensation_records"):
+class ResidualRecords(Ranged, section="following_residual_records"):
     """Recordings that show following errors."""
 
     recordings: tuple[str, ...]
@@ -79,11 +79,13 @@ class CompensationRecords(Ranged, section="compensation_records"):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.axes:
-            raise ValueError("compensation_records.axes is empty: name an axis and its channels")
+            raise ValueError(
+                "following_residual_records.axes is empty: name an axis and its channels"
+            )
         if self.group and self.group not in self.parts:
             raise ValueError(
-                f"compensation_records.group = {self.group!r} is none of compensation_records.parts"
-                f" = {list(self.parts)}: name it there"
+                f"following_residual_records.group = {self.group!r} is none of "
+                f"following_residual_records.parts = {list(self.parts)}: name it there"
             )
 
 
@@ -145,7 +147,7 @@ class Run:
 
 
 def read_runs(
-    signals: Path, records: CompensationRecords, is_training: Callable[[str, str], bool]
+    signals: Path, records: ResidualRecords, is_training: Callable[[str, str], bool]
 ) -> list[Run]:
     """Recordings that ``records`` names, with their parts, in the order of their names.
 
@@ -159,7 +161,8 @@ def read_runs(
     }
     files = read_recordings(
         signals, declared, patterns=records.recordings,
-        preferred=lambda name: is_training(name, name), section="compensation_records.recordings",
+        preferred=lambda name: is_training(name, name),
+        section="following_residual_records.recordings",
     )  # fmt: skip
     found: list[Run] = []
     for file in files:
@@ -169,7 +172,7 @@ def read_runs(
     return found
 
 
-def _of_file(file: Recording, records: CompensationRecords) -> list[Run]:
+def _of_file(file: Recording, records: ResidualRecords) -> list[Run]:
     """Parts of one file, each on an even grid, the longest stretch without a gap."""
     blank = Run(name=file.name, file=file.name, group=file.name, sha256=file.sha256)
     if file.file is None:
@@ -178,7 +181,7 @@ def _of_file(file: Recording, records: CompensationRecords) -> list[Run]:
     if not records.parts:
         return _stretches(samples, np.ones(len(samples.time), bool), blank, records)
     try:
-        parts = parts_of(file.file, records.parts, "compensation_records.parts")
+        parts = parts_of(file.file, records.parts, "following_residual_records.parts")
     except ValueError as error:
         return [_nothing(blank, records, str(error))]
     found = []
@@ -189,7 +192,7 @@ def _of_file(file: Recording, records: CompensationRecords) -> list[Run]:
     return found
 
 
-def _stretches(samples: Samples, rows: Any, blank: Run, records: CompensationRecords) -> list[Run]:
+def _stretches(samples: Samples, rows: Any, blank: Run, records: ResidualRecords) -> list[Run]:
     """Stretches without a gap of the rows of one recording, each with the axes that it shows."""
     lacking, shown = {}, {}
     for letter, one in records.axes.items():
@@ -246,7 +249,7 @@ def _on_grid(piece: UniformSegment, values: Floats) -> Floats:
     return found
 
 
-def _nothing(blank: Run, records: CompensationRecords, reason: str) -> Run:
+def _nothing(blank: Run, records: ResidualRecords, reason: str) -> Run:
     return replace(blank, lacking=dict.fromkeys(records.axes, reason))
 
 

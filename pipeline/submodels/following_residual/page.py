@@ -9,8 +9,9 @@ from pipeline.charts.judged import Tried
 from pipeline.charts.numbers import TOGETHER, as_stated, counted, joined, number, percent
 from pipeline.charts.sections import Figure, Figures
 from pipeline.charts.submodel_page import Counting, Drawn, PageContent, made_from
-from pipeline.submodels.compensation.features import BEND, EVEN, REST, TURN
-from pipeline.submodels.compensation.model import (
+from pipeline.submodels.contract import Shown
+from pipeline.submodels.following_residual.features import BEND, EVEN, REST, TURN
+from pipeline.submodels.following_residual.model import (
     ATTENTIVE,
     ESTIMATION,
     NAMES,
@@ -18,9 +19,8 @@ from pipeline.submodels.compensation.model import (
     PREDICTION,
     QUANTITIES,
     TWIN,
-    CompensationModel,
+    ResidualModel,
 )
-from pipeline.submodels.contract import Shown
 
 BASES = {PREDICTION: TWIN, ESTIMATION: PERSISTENCE}
 """Baseline of each use."""
@@ -31,18 +31,18 @@ SETTINGS = {"learning_rate": "learning rate", "l2": "penalty of the weights"}
 REGIME_CURVES = {REST: "f0", TURN: "f1", BEND: "f3", EVEN: "f5"}
 """CSS classes of regimes."""
 
-Seen = Shown[CompensationModel]
+Seen = Shown[ResidualModel]
 
 
 def content(shown: Seen) -> PageContent:
-    """Page content of the compensation networks."""
+    """Page content of the residual networks."""
     model = shown.model
     with_drive = model is None or model.with_drive
     use = next((use for use in (PREDICTION, ESTIMATION) if model is not None
                 and any(use in uses for uses in model.axes.values())), PREDICTION)  # fmt: skip
     titles = NAMES | {PERSISTENCE: "last error known",
                       TWIN: "drive model alone" if with_drive else "nothing predicted"}  # fmt: skip
-    command = f"kerf simulate PROGRAM --machine {shown.machine} --compensate FILE"
+    command = f"kerf simulate PROGRAM --machine {shown.machine} --corrected FILE"
     letters = [] if model is None else [axis for axis in model.axes if use in model.axes[axis]]
     return PageContent(
         about="The model of the drives does not cover the whole following error: friction at "
@@ -55,9 +55,9 @@ def content(shown: Seen) -> PageContent:
         "one. Only recordings that nothing was learnt from are judged.",
         case="recording",
         counts=(
-            Counting(key="compensation_max_um", error="max", quantity=QUANTITIES[use], whole=True,
-                     name=f"Largest following error not {USES[use].split()[0]}"),
-            Counting(key="compensation_rms_um", quantity=QUANTITIES[use], whole=True,
+            Counting(key="following_residual_max_um", error="max", quantity=QUANTITIES[use],
+                     whole=True, name=f"Largest following error not {USES[use].split()[0]}"),
+            Counting(key="following_residual_rms_um", quantity=QUANTITIES[use], whole=True,
                      name=f"RMS of the following error not {USES[use].split()[0]}"),
         ),
         guess=BASES[use],
@@ -79,7 +79,7 @@ def content(shown: Seen) -> PageContent:
     )  # fmt: skip
 
 
-def _tried(shown: Seen, model: CompensationModel, titles: dict[str, str]) -> Iterator[Tried]:
+def _tried(shown: Seen, model: ResidualModel, titles: dict[str, str]) -> Iterator[Tried]:
     for letter, uses in model.axes.items():
         for use, one in uses.items():
             verdict = shown.verdict
@@ -92,7 +92,7 @@ def _tried(shown: Seen, model: CompensationModel, titles: dict[str, str]) -> Ite
                             serves=own, later=later)  # fmt: skip
 
 
-def _facts(model: CompensationModel) -> Iterator[str]:
+def _facts(model: ResidualModel) -> Iterator[str]:
     by_time = [axis for axis, uses in model.axes.items()
                if any(one.by_time for one in uses.values())]  # fmt: skip
     if by_time:
@@ -137,7 +137,7 @@ def _setting(name: str) -> str:
     return SETTINGS.get(last, last.replace("_", " "))
 
 
-def _attention(shown: Seen, model: CompensationModel) -> Figures | None:
+def _attention(shown: Seen, model: ResidualModel) -> Figures | None:
     one = model.attention
     if one is None or not one.weights:
         return None
@@ -159,7 +159,7 @@ def _attention(shown: Seen, model: CompensationModel) -> Figures | None:
     )  # fmt: skip
 
 
-def _history(shown: Seen, model: CompensationModel) -> Figures | None:
+def _history(shown: Seen, model: ResidualModel) -> Figures | None:
     search = model.search
     if search is None or not search.history_um:
         return None

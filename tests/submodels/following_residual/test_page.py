@@ -18,21 +18,21 @@ from pipeline.nets.window_training import TrainedSequence
 from pipeline.nets.windows import WindowInput
 from pipeline.schema.model import Band, Condition
 from pipeline.schema.verdict import Fact, Figures, JudgedCase, Score, Verdict
-from pipeline.submodels.compensation.model import (
+from pipeline.submodels.contract import Shown
+from pipeline.submodels.following_residual.model import (
     ESTIMATION,
     PREDICTION,
-    Compensation,
-    CompensationModel,
     KindScore,
     LeakShown,
+    LoadedResidual,
+    ResidualModel,
     SearchFacts,
     UseModel,
     attention_shown,
     key_of,
     to_and_fro,
 )
-from pipeline.submodels.compensation.submodel import SUBMODEL
-from pipeline.submodels.contract import Shown
+from pipeline.submodels.following_residual.submodel import SUBMODEL
 from tests.submodels.made_pages import drawn, held_to_golden, made, tables, words
 
 INPUTS = tuple(WindowInput(name=n) for n in ("speed", "acceleration", "since reversal"))
@@ -51,9 +51,10 @@ def made_use(scores: Mapping[str, KindScore], **changes: Any) -> UseModel:
     return replace(one, **changes)
 
 
-def model_of(axes: dict[str, dict[str, UseModel]], **changes: Any) -> CompensationModel:
-    one = CompensationModel(
-        submodel="compensation", machine="rig", origin="simulated", parameters={}, trained_on=(),
+def model_of(axes: dict[str, dict[str, UseModel]], **changes: Any) -> ResidualModel:
+    one = ResidualModel(
+        submodel="following_residual", machine="rig", origin="simulated", parameters={},
+        trained_on=(),
         conditions={"highest speed X": Condition(unit="mm/s", low=0.0, high=100.0)},
         axes=axes, step_s=STEP, horizon_s=0.02, settle_s=0.1, length=LENGTH,
         search=SearchFacts(
@@ -81,7 +82,8 @@ def judged(quantity: str, base: str) -> Verdict:
         return JudgedCase(case=name, group=name, role=role, conditions=at)
 
     return Verdict(
-        submodel="compensation", machine="rig", origin="simulated", status="passed", reasons=(),
+        submodel="following_residual", machine="rig", origin="simulated", status="passed",
+        reasons=(),
         judged_role="held_out", golden=None,
         scores=(score("a.csv", 1.0, 4.0), score("b.csv", 2.5, 8.0), score("all", 2.5, 8.0)),
         cases=(case("a.csv", "held_out", 25.0), case("b.csv", "held_out", 50.0),
@@ -112,7 +114,7 @@ def shown(tmp_path: Path) -> Shown:
     )  # fmt: skip
 
 
-def with_attention(model: CompensationModel) -> CompensationModel:
+def with_attention(model: ResidualModel) -> ResidualModel:
     kind = CnnLstmAttentionSettings(filters=3, units=4)
     built = sequence_network(kind, LENGTH, len(INPUTS), torch.Generator().manual_seed(1))
     one = TrainedSequence(
@@ -122,7 +124,7 @@ def with_attention(model: CompensationModel) -> CompensationModel:
         y_scaling=Scaling(shift=np.array(0.0), scale=np.array(1e-6)),
     )  # fmt: skip
     key = key_of("X", PREDICTION, "cnn_lstm_attention")
-    served = Compensation(file=model, documents={key: (one.document(),)})
+    served = LoadedResidual(file=model, documents={key: (one.document(),)})
     return replace(model, attention=attention_shown(served, {}))
 
 
