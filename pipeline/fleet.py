@@ -34,6 +34,10 @@ class Fleet:
     """File of ``conf/budget/`` that it is built with."""
 
     def __post_init__(self) -> None:
+        if "compensation" in self.submodels:
+            raise ValueError(
+                "fleet.submodels.compensation is called following_residual now: rename it there"
+            )
         lists = {
             "simulated": self.simulated, "optimised": self.optimised, "trials": self.trials,
             **{f"submodels.{name}": some for name, some in self.submodels.items()},

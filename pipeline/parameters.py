@@ -25,6 +25,13 @@ CATALOGUE, MACHINES, HASHES = "catalogue.json", "machine", "sections"
 and hashes of its sections."""
 CATALOGUES = ("material", "tool", "catalogue")
 """Sections with what a workshop has in stock and what its handbooks say."""
+RENAMED = {
+    "following_residual_records": "compensation_records",
+    "following_residual_fit": "compensation_fit",
+    "following_residual_limits": "compensation_limits",
+    "command_correction": "correction",
+}
+"""Sections by the names that they had."""
 NotYaml = yaml.YAMLError
 """Error of reading YAML."""
 
@@ -145,8 +152,10 @@ def structure(values: dict[str, Any], path: str, wanted: type[T]) -> T:
     found: Any = values
     for key in path.split("."):
         if not isinstance(found, dict) or key not in found:
+            was = RENAMED.get(key)
+            mend = f"it was called {was}, rename it" if was in (found or {}) else "add it"
             raise ParametersError(
-                f"params.yaml has no section {path}: add it in conf/ and run `dvc repro compose`"
+                f"params.yaml has no section {path}: {mend} in conf/ and run `dvc repro compose`"
             )
         found = found[key]
     try:

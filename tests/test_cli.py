@@ -51,7 +51,7 @@ from tests.small_project import (
 
 COMMANDS = (
     "ingest", "status", "report", "fleet", "golden", "promote", "predict", "interpret", "simulate",
-    "check", "optimise", "transfer", "following_residual", "wear", "synthesise",
+    "check", "optimise", "transfer", "thermal-growth", "wear", "synthesise",
 )  # fmt: skip
 
 
@@ -320,7 +320,7 @@ def test_what_was_never_built_says_which_fleet_builds_it(project: Path) -> None:
     assert (row["machine"], row["latest"]) == ("mazak01", "not built: run `dvc repro`")
     said = "mill01 is not in the fleet recorded, which is built here: run `kerf fleet demo`"
     for words in (
-        ("records", "-m", MACHINE), ("following_residual", "-m", MACHINE, "--out", "c.csv"),
+        ("records", "-m", MACHINE), ("thermal-growth", "-m", MACHINE, "--out", "c.csv"),
         ("transfer", "-m", "mazak01", "--golden", MACHINE, "--out", "t.json"),
     ):  # fmt: skip
         assert said.partition("run")[0] in refused(project, *words)
@@ -656,6 +656,11 @@ def test_choices_stand_in_the_help_and_in_the_refusal(project: Path) -> None:
     ("words", "said"),
     [
         (("simulate",), "Missing argument 'program'"),
+        (
+            ("compensation", "-m", MACHINE),
+            "`kerf compensation` is called `kerf thermal-growth` now",
+        ),
+        (("optimise", "a.nc", "--compensated"), "--compensated is called --residual now"),
         (("golden", MACHINE), "Missing option '--machine' / '-m': name the machine as in `"),
         (("promote", "-m", "mil01", "--why", "x"), "did you mean mill"),
         (("status", "--json"), "--json needs a value: JSON to write, - for standard output"),

@@ -215,7 +215,7 @@ def test_the_stage_writes_a_file_a_program(project) -> None:
     )
     correct_programs(
         raw, folder, written, identity=MachineIdentity(name="hurco"), setup=Setup(),
-        control_records=records, correction=CommandCorrectionSettings(longest_s=12.0),
+        control_records=records, command_correction=CommandCorrectionSettings(longest_s=12.0),
     )  # fmt: skip
     head, table = read(written / "good.csv")
     assert list(table) == ["t", "X", "X_corrected", "Y", "Y_corrected", "cutting"]
@@ -229,7 +229,9 @@ def test_the_stage_writes_a_file_a_program(project) -> None:
 def test_the_section_of_conf_is_that_of_the_settings() -> None:
     from pipeline.parameters import read_params, structure
 
-    section = structure(read_params(ROOT / "params.yaml"), "correction", CommandCorrectionSettings)
+    section = structure(
+        read_params(ROOT / "params.yaml"), "command_correction", CommandCorrectionSettings
+    )
     assert section == CommandCorrectionSettings()
 
 

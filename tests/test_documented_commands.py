@@ -26,7 +26,7 @@ MODELS = "asks an identified model"
 MINUTES = "takes a minute and an identified model"
 RECORDS = "reads records that the user has"
 ELSEWHERE = {
-    "following_residual": MODELS, "fleet": "names the user's own fleet", "golden": RECORDS,
+    "thermal-growth": MODELS, "fleet": "names the user's own fleet", "golden": RECORDS,
     "ingest": RECORDS, "machine new": RECORDS, "optimise": MINUTES, "predict": MODELS,
     "promote": MODELS, "records": RECORDS, "report": "draws what the pipeline built",
     "simulate --corrected": MODELS, "synthesise": MODELS, "transfer": MODELS, "wear": MODELS,

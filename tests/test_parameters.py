@@ -16,6 +16,7 @@ from pipeline.cutting.tool import ToolTable
 from pipeline.fleet import Fleet, missing
 from pipeline.parameters import ParametersError, read_params, section_path, structure
 from pipeline.stages.compose import composed
+from pipeline.twin.command_correction import CommandCorrectionSettings
 
 CONF = Path(__file__).parents[1] / "conf"
 
@@ -249,3 +250,10 @@ def test_a_file_of_a_catalogue_that_is_no_entry_is_refused_by_its_path(
     values = yaml.safe_load(composed(conf))
     with pytest.raises(ParametersError, match=r"material\.steel"):
         structure(values, "material.steel", Material)
+
+
+def test_a_section_by_its_old_name_is_said() -> None:
+    with pytest.raises(ParametersError, match="it was called correction, rename it in conf/"):
+        structure({"correction": {}}, "command_correction", CommandCorrectionSettings)
+    with pytest.raises(ValueError, match="submodels.compensation is called following_residual now"):
+        Fleet(name="mine", machines=("a",), submodels={"compensation": ("a",)})

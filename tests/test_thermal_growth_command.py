@@ -23,7 +23,7 @@ from tests.served_project import run as run_command
 from tests.submodels.deformation.growth_files import NAMES, made, table
 from tests.submodels.deformation.test_submodel import QUICK, ROLES, build, recordings
 
-run = partial(run_command, "following_residual")
+run = partial(run_command, "thermal-growth")
 CHANNELS = {
     "recordings": ["growth/*.csv"],
     "temperatures": {name: {"column": name} for name in NAMES},
@@ -35,7 +35,7 @@ CHANNELS = {
 
 @pytest.fixture(scope="module")
 def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    root = tmp_path_factory.mktemp("following_residual")
+    root = tmp_path_factory.mktemp("thermal-growth")
     built = build(root / "built", recordings(), replace(QUICK, methods=("linear_sensors",)))
     verdict = read_json(built.folder / "verdict.json", Verdict)
     return served_project(

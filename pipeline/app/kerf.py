@@ -16,6 +16,10 @@ from pipeline.app.output import log_to_standard_error
 from pipeline.schema.limits import limit_words
 
 _UsageError: Any = typer.BadParameter.__base__
+RENAMED = {
+    "compensation": "thermal-growth", "--compensate": "--corrected", "--compensated": "--residual",
+}  # fmt: skip
+"""Commands and options by the names that they had."""
 NUMBERS = {"int_parsing": "whole number", "float_parsing": "number"}
 """Names of the numbers that an option takes, by the error of one that is none."""
 
@@ -40,6 +44,8 @@ class _OneSentence(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
         """Refuse an option in the place of a value, which the parser would take for the value."""
+        if args and (now := RENAMED.get(args[0])):
+            raise _UsageError(f"`kerf {args[0]}` is called `kerf {now}` now", ctx)
         name, command, words = super().resolve_command(ctx, args)
         params: list[Any] = [] if command is None or ctx.resilient_parsing else [*command.params]
         options = {word: one for one in params for word in one.opts if word.startswith("-")}
@@ -65,6 +71,8 @@ def _usage_sentence(error: Any) -> str:
     kind = NUMBERS.get(causes[0]["type"]) if causes else None
     if option is not None and kind:
         return f"{option.opts[0]} {causes[0]['input']} is no {kind}: give one"
+    if now := RENAMED.get(getattr(error, "option_name", "")):
+        return f"{error.option_name} is called {now} now"
     said = str(error.format_message()).replace("Value error, ", "").rstrip(".")
     if said.startswith("Missing option '--machine'"):
         said += f": name the machine as in `{error.ctx.command_path} --machine mill00`"

@@ -115,7 +115,8 @@ def simulate(
     wear: kerf.Wear = None,
     page: Annotated[Path | None, typer.Option(help="HTML page of the cut.")] = None,
     corrected_to: Annotated[
-        Path | None, typer.Option(help="CSV of commands with which the axes err least.")
+        Path | None,
+        typer.Option("--corrected", help="CSV of commands with which the axes err least."),
     ] = None,
     with_residual: kerf.WithResidual = False,
     model: kerf.Model = "champion",

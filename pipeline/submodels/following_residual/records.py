@@ -43,8 +43,8 @@ class ErrorChannels(Ranged, section="following_residual_records.axes"):
         super().__post_init__()
         if self.error is None and (self.reference is None or self.position is None):
             raise ValueError(
-                "following_residual_records: an axis names neither its error nor both its commanded "
-                "and its measured position: name them"
+                "following_residual_records: an axis names neither its error nor both its "
+                "commanded and its measured position: name them"
             )
 
     @property
