@@ -28,6 +28,8 @@ from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.drive import FOLLOWING, FORCE, DriveAxis
 from pipeline.schema.model import Band
+from pipeline.schema.interval import Band
+from pipeline.schema.model import significant
 from pipeline.submodels.conformal import ALL_REGIMES, Residuals, bands, splits
 from pipeline.submodels.drive.disturbance import Disturbance, disturbance_of
 from pipeline.submodels.drive.entry_fits import shifted
@@ -333,4 +335,4 @@ def _residuals(error: Floats, group: str) -> Residuals:
 
 
 def _rounded(band: Band) -> Band:
-    return replace(band, lower=float(f"{band.lower:.4g}"), upper=float(f"{band.upper:.4g}"))
+    return replace(band, lower=significant(band.lower, 4), upper=significant(band.upper, 4))

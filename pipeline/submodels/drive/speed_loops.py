@@ -38,12 +38,13 @@ from pipeline.schema.drive import (
     SpeedLoop,
     SpeedLoops,
 )
-from pipeline.schema.model import Parameter
+from pipeline.schema.model import Parameter, significant
 from pipeline.schema.ranges import Positive, Ranged
 from pipeline.schema.si import RPM
 from pipeline.search.methods import minimise
 from pipeline.submodels.drive.records import MotorRecords
 
+_short = partial(significant, digits=4)
 TUNED = {
     "PI": {"proportional": (0.05, 10.0), "integral": (2.0, 4000.0)},
     "fuzzy PI": {
@@ -376,10 +377,6 @@ def _tried(
         time_ms=tuple(_short(1e3 * t) for t in trace.time[rows].tolist()),
         speed_percent=tuple(round(100 * s, 3) for s in share[rows].tolist()),
     )  # fmt: skip
-
-
-def _short(value: float) -> float:
-    return float(f"{value:.4g}")
 
 
 def _ms(seconds: float) -> float | None:

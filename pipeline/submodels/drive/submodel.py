@@ -30,6 +30,9 @@ from pipeline.schema.drive import (
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Band, LeftOut, SourceFile
+from pipeline.schema.interval import Band
+from pipeline.schema.model import LeftOut, SourceFile, significant
+from pipeline.schema.outside import widest
 from pipeline.schema.ranges import Positive, Ranged
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role, widest
@@ -435,7 +438,7 @@ def _facts(letter: str, found: comparison.AxisComparison, model: DriveModel) -> 
     facts = {}
     if force.seconds >= comparison.LEAST:
         for name, values in (("measured", force.measured), ("modelled", force.modelled)):
-            mean = float(f"{float(np.mean(values * force.direction)):.4g}")
+            mean = significant(float(np.mean(values * force.direction)), 4)
             facts[f"mean force {letter} {name}"] = Fact(value=mean, unit=unit)
     return facts | _disturbance_facts(letter, found.disturbance)
 
@@ -455,7 +458,7 @@ def _disturbance_facts(letter: str, found: Disturbance | None) -> dict[str, Fact
             f"{name}, delay, half width": (1e3 * found.delay_half_width, "ms"),
         }
         facts |= {
-            key: Fact(value=float(f"{value:.4g}"), unit=unit)
+            key: Fact(value=significant(value, 4), unit=unit)
             for key, (value, unit) in numbers.items()
             if np.isfinite(value)
         }
