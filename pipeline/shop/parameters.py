@@ -23,18 +23,35 @@ of magnitude:
 
 from dataclasses import dataclass, field
 from datetime import date
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 
 from pipeline.schema.ranges import Range, Ranged
-from pipeline.shop.cutting.parameters import Cutting
+from pipeline.shop.cutting.parameters import Cutting, Workpiece
 from pipeline.shop.drives.parameters import Drives
 from pipeline.shop.growth.parameters import Growth
-from pipeline.shop.wear.parameters import Wear
+from pipeline.shop.wear.parameters import (
+    CUTS,
+    CUTTERS,
+    LIVES,
+    Cutter,
+    Microscope,
+    PlannedCut,
+    PlannedLife,
+    Sensors,
+    WearRate,
+)
 
 Random = np.random.Generator
 """Random numbers of one source of chance."""
+Named = TypeVar("Named", Cutter, PlannedCut)
+STEEL = Workpiece(
+    name="42CrMo4", tangential=2180.0, radial=870.0, axial=410.0, thickness=0.05, exponent=0.1,
+    edge_tangential=33.0, edge_radial=49.0, edge_axial=4.0, ploughing=6.0, flank_pressure=560.0,
+    flank_friction=0.36,
+)  # fmt: skip
+"""Material in which tools wear by default."""
 Bounds = tuple[float, float]
 """Greatest acceleration [mm/s2] and jerk [mm/s3] of a motion."""
 
@@ -340,6 +357,69 @@ class LoggerParameters(Ranged, section="LoggerParameters"):
     offset: Annotated[float, Range(least=0, most=5, unit="K")] = 0.3
     dropouts: Annotated[int, Range(least=0, most=1000)] = 4  # in all: one channel blank for a while
     spikes: Annotated[int, Range(least=0, most=10000)] = 7  # in all: one sample of one channel
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wear(Ranged, section="Wear"):
+    """Tool lives of a machine: nothing of them is written unless they are ``recorded``."""
+
+    recorded: bool = True
+    workpiece: Workpiece = STEEL
+    cutters: tuple[Cutter, ...] = CUTTERS
+    cuts: tuple[PlannedCut, ...] = CUTS
+    lives: tuple[PlannedLife, ...] = LIVES
+    rate: WearRate = field(default_factory=WearRate)
+    sensors: Sensors = field(default_factory=Sensors)
+    microscope: Microscope = field(default_factory=Microscope)
+    most: Annotated[int, Range(least=1, most=500)] = 48
+    """Greatest number of records of one life."""
+    depth_error: Annotated[float, Range(least=0, most=0.5)] = 0.03
+    width_error: Annotated[float, Range(least=0, most=0.5)] = 0.03
+    """Relative standard deviations of width and depth of cut."""
+    speed_error: Annotated[float, Range(least=0, most=0.05)] = 1e-3
+    speed_wander: Annotated[float, Range(least=0, most=0.05)] = 1e-3
+    """Errors of the spindle, as in the dynamometer's tests."""
+    unsteady: Annotated[float, Range(least=0, most=0.5)] = 0.02
+    """Relative standard deviation of the force inside one cut by the material's structure."""
+    entries: Annotated[float, Range(least=0, most=0.5)] = 0.08
+    """Share of the records that hold the tool's entry into the material, and as many its exit."""
+    delimiter: Literal[",", ";"] = ","
+    decimal: Literal[".", ","] = "."
+    """Delimiter and decimal mark of the list of records."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for life in self.lives:
+            self.cutter(life)
+            self.planned(life)
+        if len({life.tool for life in self.lives}) != len(self.lives):
+            raise ValueError("Wear.lives: two tools have one name: give each a name of its own")
+        if self.delimiter == self.decimal:
+            raise ValueError(f"Wear.delimiter = {self.delimiter!r} is the decimal mark too")
+
+    def cutter(self, life: PlannedLife) -> Cutter:
+        """Type of the tool of a life."""
+        return _named(self.cutters, life.cutter, life.tool)
+
+    @property
+    def longest(self) -> int:
+        """Records over which a life is followed, so that its end is known of each tool."""
+        return 2 * self.most
+
+    def planned(self, life: PlannedLife) -> list[PlannedCut]:
+        """Cuts of a life."""
+        if not life.cuts:
+            raise ValueError(f"Wear.lives: {life.tool} has no cuts: name at least one")
+        return [_named(self.cuts, name, life.tool) for name in life.cuts]
+
+
+def _named(some: tuple[Named, ...], name: str, tool: str) -> Named:
+    for one in some:
+        if one.name == name:
+            return one
+    raise ValueError(
+        f"Wear.lives: {tool} has {name!r}, which is none of {', '.join(o.name for o in some)}"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

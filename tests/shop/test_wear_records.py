@@ -9,8 +9,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.shop.cutting.force import Motion, X, Y
-from pipeline.shop.parameters import ShopParameters
-from pipeline.shop.wear.parameters import PlannedLife, Wear
+from pipeline.shop.parameters import ShopParameters, Wear
+from pipeline.shop.wear.parameters import PlannedLife
 from pipeline.shop.wear.records import BLOCK, course, write_wear
 from pipeline.shop.wear.teeth import (
     WornTool,

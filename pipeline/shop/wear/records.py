@@ -25,8 +25,8 @@ from pipeline.shop.cutting.force import AXIAL, CHIP, RUBBING, Motion, X, Y
 from pipeline.shop.cutting.parameters import Conditions, Workpiece
 from pipeline.shop.files import write_text
 from pipeline.shop.motion import lagged
-from pipeline.shop.parameters import Random, ShopParameters, stamp
-from pipeline.shop.wear.parameters import CHANNELS, Mode, PlannedLife, Sensors, Wear
+from pipeline.shop.parameters import Random, ShopParameters, Wear, stamp
+from pipeline.shop.wear.parameters import CHANNELS, Mode, PlannedLife, Sensors
 from pipeline.shop.wear.teeth import (
     WornTool,
     conditions,

@@ -13,8 +13,8 @@ import numpy as np
 import yaml
 
 from pipeline.shop.cutting.force import Motion, X, Y
-from pipeline.shop.parameters import ShopParameters
-from pipeline.shop.wear.parameters import PlannedLife, Wear
+from pipeline.shop.parameters import ShopParameters, Wear
+from pipeline.shop.wear.parameters import PlannedLife
 from pipeline.shop.wear.records import Course, course
 from pipeline.shop.wear.teeth import cut_forces, workpiece
 from pipeline.signals.wear_windows import WearWindows
