@@ -143,12 +143,9 @@ class _Part:
 
 def _declared(records: WearRecords) -> dict[str, Channel]:
     """Channels, and columns that may hold conditions, as ``read_recordings`` takes them."""
-    wear = records.wear
-    words = {*records.discrete, records.tool} - {""} | ({wear.name} if wear.is_class else set())
-    numbers = {*records.continuous} | (set() if wear.is_class else {wear.name})
     found = {f"{CHANNEL}{name}": channel for name, channel in records.channels.items()}
-    found |= {f"{CONDITION}{n}": Channel(column=n, quantity=WORDS) for n in sorted(words)}
-    found |= {f"{CONDITION}{n}": Channel(column=n) for n in sorted(numbers)}
+    found |= {f"{CONDITION}{n}": Channel(column=n, quantity=WORDS) for n in records.words}
+    found |= {f"{CONDITION}{n}": Channel(column=n) for n in sorted(records.numbers)}
     if records.in_cut is not None:
         found[IN_CUT] = records.in_cut.channel
     return found
@@ -159,14 +156,11 @@ def _parts(
     left_out: dict[str, str],
 ) -> Iterator[_Part]:  # fmt: skip
     """Recordings and parts of tables; those of no use go to ``left_out``."""
-    wear = records.wear
-    numbers = {**records.continuous, **({} if wear.is_class else {wear.name: wear.unit})}
-    words = {*records.discrete, records.tool, *([wear.name] if wear.is_class else [])} - {""}
     files = read_recordings(
         signals, _declared(records), patterns=records.recordings,
         conditions=ConditionSources(
             name=records.name, section="wear_records",
-            units={**numbers, **dict.fromkeys(words)} if records.name else {},
+            units={**records.numbers, **dict.fromkeys(records.words)} if records.name else {},
         ),
         preferred=is_training, section="wear_records.recordings",
     )  # fmt: skip
