@@ -54,6 +54,7 @@ $(READY): requirements.lock pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(PIP) "torch==$$(sed -n 's/^torch==//p' requirements.lock)"
 	$(INSTALL) -e .
+	kerf compile
 	touch $@
 
 $(TESTS): $(READY)

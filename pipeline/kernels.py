@@ -104,6 +104,13 @@ class _Kept(caching.NullCache):
         self._opened.save_overload(sig, data)
 
 
+def kept_signatures(loop: Any) -> list[tuple[float, tuple[Any, ...]]]:
+    """Time and types of arguments of each compilation of a loop that the user's cache keeps."""
+    index = _Cache(loop.py_func)._cache_file
+    file = Path(index._cache_path, index._index_name)
+    return [(file.stat().st_mtime, key[0]) for key in index._load_index()]
+
+
 @cache
 def content(function: Callable[..., Any]) -> str:
     """Hash of the files of a function and of all that it calls, and of the values they name."""

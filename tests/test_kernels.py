@@ -1,15 +1,23 @@
 """Compiled loops are kept in the user's cache under a hash of what they are made of."""
 
+import json
 import os
 import shutil
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
+import numba.core.types
 import pytest
+from numba.core.dispatcher import Dispatcher
 
 import pipeline
 from pipeline import kernels
+from pipeline.app import compiling
+from pipeline.app.compiling import _type, _written
+from pipeline.machine.axis.drive import Side
 
 LOOPS = """
 from pipeline.kernels import compiled
@@ -135,3 +143,23 @@ def _even(n: int) -> bool:
 
 def _odd(n: int) -> bool:
     return n != 0 and _even(n - 1)
+
+
+def test_each_loop_of_the_list_is_one_and_its_types_are_read_back() -> None:
+    loops = json.loads(compiling.LOOPS.read_text())
+    assert len(loops) > 200
+    for module, name, arguments in loops:
+        assert isinstance(getattr(import_module(module), name), Dispatcher), f"{module}.{name}"
+        if "IntEnum" not in str(arguments):
+            assert [_written(_type(one)) for one in arguments] == arguments
+
+
+def test_types_of_arguments_survive_json() -> None:
+    types: Any = numba.core.types
+    kinds = [
+        types.float64, types.boolean, types.Array(types.float32, 3, "A"), types.literal(2),
+        types.Array(types.int64, 1, "C", readonly=True), types.UniTuple(types.float64, 4),
+        types.BaseTuple.from_types([types.float64, types.int64]),
+        types.BaseTuple.from_types([types.float64] * 5, Side),
+    ]  # fmt: skip
+    assert [_type(json.loads(json.dumps(_written(one)))) for one in kinds] == kinds

@@ -29,6 +29,14 @@ def init(
     typer.echo(f"{made} {folder}: `cd {folder}` and `dvc repro`")
 
 
+@app.command("compile", rich_help_panel=kerf.PROJECT)
+def compile_ahead() -> None:
+    """Compile the loops of builds and programs for this processor, once and on all cores."""
+    from pipeline.app.compiling import compile_loops
+
+    typer.echo(f"{compile_loops()} loops are compiled and kept")
+
+
 @app.command(rich_help_panel=kerf.RECORDS)
 def ingest(
     files: Annotated[list[Path], typer.Argument(help="Logs, documents, tables.")],
