@@ -11,7 +11,6 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from fractions import Fraction
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +22,9 @@ from pipeline.signals.conditions import (
     Condition,
     ConditionSources,
     as_words,
+    conditions_in_rows,
     parts_of,
     samples_sha256,
-    unit_of,
 )
 from pipeline.signals.recordings import WORDS, Channel, Recording, Samples, read_recordings
 from pipeline.signals.units import conversion
@@ -224,16 +223,10 @@ class ConditionRows:
                 f"{where} has no column {source.key!r}, which wear_records.table.key names: it has "
                 f"{', '.join(table.column_names)}"
             )
-        units = {name: unit_of(table.schema.field(name)) for name in table.column_names}
         rows: dict[str, list[dict[str, Condition]]] = {}
-        keys = as_words(table[source.key])
-        for key, row in zip(keys, table.to_pylist(), strict=True):
-            found = {
-                name: Condition(value=value, unit=units[name], source=source.file)
-                for name, value in row.items()
-                if value is not None and (not isinstance(value, float) or isfinite(value))
-            }
-            rows.setdefault(_plain(key), []).append(found)
+        found = conditions_in_rows(table, source.file)
+        for key, one in zip(as_words(table[source.key]), found, strict=True):
+            rows.setdefault(_plain(key), []).append(one)
         return ConditionRows(source=source, rows=rows)
 
     def row(self, recording: str) -> dict[str, Condition]:
