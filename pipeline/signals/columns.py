@@ -130,6 +130,11 @@ def field(name: str) -> pa.Field:
     return pa.field(name, pa.string() if c.text else pa.float64(), metadata={"unit": c.unit})
 
 
+def unit_of(column: pa.Field) -> str:
+    """Unit in the metadata of an Arrow field, ``""`` for none."""
+    return (column.metadata or {}).get(b"unit", b"").decode()
+
+
 TIME = pa.timestamp("ns", tz="UTC")
 _CODED, _WORD, _NUMBER = pa.dictionary(pa.int32(), pa.string()), pa.string(), pa.float64()
 

@@ -18,7 +18,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.schema.arrays import Bools, Floats
-from pipeline.signals.columns import RUNS
+from pipeline.signals.columns import RUNS, unit_of
 from pipeline.signals.units import conversion
 
 SAME_CONDITION = 1e-6
@@ -146,20 +146,21 @@ def conditions_in_runs(path: Path) -> dict[str, dict[str, Condition]]:
     except (OSError, pa.ArrowException):
         return {}
     names = [name for name in table.column_names if name not in RUNS.names]
-    units = {name: unit_of(table.schema.field(name)) for name in names}
-    found: dict[str, dict[str, Condition]] = {}
-    for row in table.select(["file", *names]).to_pylist():
-        found[row["file"]] = {
-            name: Condition(value=row[name], unit=units[name], source="runs.parquet")
-            for name in names
-            if isinstance(row[name], str) or (row[name] is not None and isfinite(row[name]))
+    rows = conditions_in_rows(table.select(names), "runs.parquet")
+    return dict(zip(table["file"].to_pylist(), rows, strict=True))
+
+
+def conditions_in_rows(table: pa.Table, source: str) -> list[dict[str, Condition]]:
+    """Conditions in each row of a table, by column; those without a value are left out."""
+    units = {field.name: unit_of(field) for field in table.schema}
+    return [
+        {
+            name: Condition(value=value, unit=units[name], source=source)
+            for name, value in row.items()
+            if value is not None and (not isinstance(value, float) or isfinite(value))
         }
-    return found
-
-
-def unit_of(column: pa.Field) -> str:
-    """Unit in the metadata of an Arrow field, ``""`` for none."""
-    return (column.metadata or {}).get(b"unit", b"").decode()
+        for row in table.to_pylist()
+    ]
 
 
 PART = "#"

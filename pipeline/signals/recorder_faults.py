@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.schema.arrays import Floats
+from pipeline.signals.columns import unit_of
 
 LENGTH = "MILLIMETER"
 FASTEST = 1e4
@@ -56,7 +57,7 @@ def recorder_faults(table: pa.Table) -> list[RecorderFault]:
         if len(at) < FEWEST:
             continue
         asked = COMMAND.search(field.name)
-        if not asked and (field.metadata or {}).get(b"unit", b"").decode() == LENGTH:
+        if not asked and unit_of(field) == LENGTH:
             found += _jumps(field.name, time, values, at)
         held = [] if asked else _held(field.name, time, values, at)
         found += held or _ending(field.name, time, at)

@@ -19,7 +19,8 @@ import pyarrow.parquet as pq
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import Range, Ranged
 from pipeline.schema.store import structured
-from pipeline.signals.conditions import Condition, ConditionSources, conditions_in_runs, unit_of
+from pipeline.signals.columns import unit_of
+from pipeline.signals.conditions import Condition, ConditionSources, conditions_in_runs
 from pipeline.signals.recorder_faults import RecorderFault, without_faults
 from pipeline.signals.units import conversion
 from pipeline.signals.windows import UniformSegment, uniform_segments

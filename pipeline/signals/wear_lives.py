@@ -11,7 +11,6 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from fractions import Fraction
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +22,9 @@ from pipeline.signals.conditions import (
     Condition,
     ConditionSources,
     as_words,
+    conditions_in_rows,
     parts_of,
     samples_sha256,
-    unit_of,
 )
 from pipeline.signals.recordings import WORDS, Channel, Recording, Samples, read_recordings
 from pipeline.signals.units import conversion
@@ -143,12 +142,9 @@ class _Part:
 
 def _declared(records: WearRecords) -> dict[str, Channel]:
     """Channels, and columns that may hold conditions, as ``read_recordings`` takes them."""
-    wear = records.wear
-    words = {*records.discrete, records.tool} - {""} | ({wear.name} if wear.is_class else set())
-    numbers = {*records.continuous} | (set() if wear.is_class else {wear.name})
     found = {f"{CHANNEL}{name}": channel for name, channel in records.channels.items()}
-    found |= {f"{CONDITION}{n}": Channel(column=n, quantity=WORDS) for n in sorted(words)}
-    found |= {f"{CONDITION}{n}": Channel(column=n) for n in sorted(numbers)}
+    found |= {f"{CONDITION}{n}": Channel(column=n, quantity=WORDS) for n in records.words}
+    found |= {f"{CONDITION}{n}": Channel(column=n) for n in sorted(records.numbers)}
     if records.in_cut is not None:
         found[IN_CUT] = records.in_cut.channel
     return found
@@ -159,14 +155,11 @@ def _parts(
     left_out: dict[str, str],
 ) -> Iterator[_Part]:  # fmt: skip
     """Recordings and parts of tables; those of no use go to ``left_out``."""
-    wear = records.wear
-    numbers = {**records.continuous, **({} if wear.is_class else {wear.name: wear.unit})}
-    words = {*records.discrete, records.tool, *([wear.name] if wear.is_class else [])} - {""}
     files = read_recordings(
         signals, _declared(records), patterns=records.recordings,
         conditions=ConditionSources(
             name=records.name, section="wear_records",
-            units={**numbers, **dict.fromkeys(words)} if records.name else {},
+            units={**records.numbers, **dict.fromkeys(records.words)} if records.name else {},
         ),
         preferred=is_training, section="wear_records.recordings",
     )  # fmt: skip
@@ -230,16 +223,10 @@ class ConditionRows:
                 f"{where} has no column {source.key!r}, which wear_records.table.key names: it has "
                 f"{', '.join(table.column_names)}"
             )
-        units = {name: unit_of(table.schema.field(name)) for name in table.column_names}
         rows: dict[str, list[dict[str, Condition]]] = {}
-        keys = as_words(table[source.key])
-        for key, row in zip(keys, table.to_pylist(), strict=True):
-            found = {
-                name: Condition(value=value, unit=units[name], source=source.file)
-                for name, value in row.items()
-                if value is not None and (not isinstance(value, float) or isfinite(value))
-            }
-            rows.setdefault(_plain(key), []).append(found)
+        found = conditions_in_rows(table, source.file)
+        for key, one in zip(as_words(table[source.key]), found, strict=True):
+            rows.setdefault(_plain(key), []).append(one)
         return ConditionRows(source=source, rows=rows)
 
     def row(self, recording: str) -> dict[str, Condition]:

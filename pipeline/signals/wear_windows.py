@@ -311,6 +311,18 @@ class WearRecords(Ranged, section="wear_records"):
                 )
 
     @property
+    def numbers(self) -> dict[str, str]:
+        """Conditions that are numbers, and the wear where it is one -> their units."""
+        wear = {} if self.wear.is_class else {self.wear.name: self.wear.unit}
+        return {**self.continuous, **wear}
+
+    @property
+    def words(self) -> list[str]:
+        """Conditions that are words, the tool, and the wear where it is a class; sorted."""
+        wear = [self.wear.name] if self.wear.is_class else []
+        return sorted({*self.discrete, self.tool, *wear} - {""})
+
+    @property
     def window_s(self) -> float:
         """Length of a window [s]."""
         return self.length / self.rate_Hz

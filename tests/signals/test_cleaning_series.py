@@ -183,7 +183,7 @@ steps = st.floats(0.01, 4000)
 
 @given(st.lists(st.tuples(steps, values), min_size=1, max_size=60), st.sampled_from(
     ["spindle_temperature", "total_time", "path_feedrate"]))  # fmt: skip
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 def test_cleaning_twice_changes_nothing_and_nothing_is_invented(drawn, name):
     time = np.cumsum([dt for dt, _ in drawn])
     raw = series(list(zip(time, (v for _, v in drawn), strict=True)))
@@ -242,7 +242,7 @@ def test_the_grid_covers_only_stretches_in_which_the_machine_was_on():
     st.lists(st.floats(0, 200), min_size=1, max_size=30, unique=True),
     st.lists(st.floats(0, 220), min_size=1, max_size=30),
 )
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 def test_held_equals_a_plain_search_backwards(times, asked):
     times = sorted(times)
     points = series([(t, float(k)) for k, t in enumerate(times)])

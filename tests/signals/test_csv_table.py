@@ -207,7 +207,7 @@ def sheets(draw: st.DrawFn) -> list[list[str]]:
     return draw(st.lists(st.lists(cell, min_size=width, max_size=width), min_size=1, max_size=20))
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 @given(rows=sheets(), delimiter=st.sampled_from(",;\t|"), crlf=st.booleans())
 def test_what_the_csv_module_writes_is_read_back(
     tmp_path_factory: pytest.TempPathFactory,
@@ -246,7 +246,7 @@ def _float(text: str) -> float | str | None:
     return value if np.isfinite(value) else "bad"
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 @given(st.lists(st.lists(cell.filter(lambda c: '"' not in c), min_size=0, max_size=4), max_size=20))
 def test_both_parsers_give_the_same_rows(rows: Sequence[Sequence[str]]) -> None:
     text = "a,b,c\n" + "".join(",".join(row) + "\n" for row in rows)
@@ -265,7 +265,7 @@ def test_both_parsers_give_the_same_rows(rows: Sequence[Sequence[str]]) -> None:
     assert [r.line for r in fast[2]] == [r.line for r in slow[2]]
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=100)
 @given(
     st.one_of(
         st.binary(max_size=200),
@@ -285,7 +285,7 @@ def test_noise_is_unreadable_or_rejected(
         assert str(error)
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 @given(st.integers(0, 400))
 def test_a_file_cut_anywhere_keeps_only_what_was_written(
     tmp_path_factory: pytest.TempPathFactory, length: int

@@ -296,7 +296,7 @@ def _tree_is_read_or_refused(tmp_path: Path, replaced: Any, at: int, form: Any) 
 
 
 test_any_tree_is_read_or_refused, test_many_trees_are_read_or_refused = few_and_many(
-    _tree_is_read_or_refused, 80, 300,
+    _tree_is_read_or_refused, 50, 300,
     replaced=TREES, at=st.integers(0, 60), form=st.sampled_from([version_1, version_2, net]),
 )  # fmt: skip
 
@@ -309,7 +309,7 @@ def _bytes_are_read_or_refused(tmp_path: Path, text: bytes) -> None:
 
 
 test_any_bytes_are_read_or_refused, test_many_bytes_are_read_or_refused = few_and_many(
-    _bytes_are_read_or_refused, 60, 200,
+    _bytes_are_read_or_refused, 40, 200,
     text=st.binary(max_size=100) | st.builds(
         lambda cut, insert: json.dumps(version_1()).encode()[:cut] + insert,
         st.integers(0, 3000), st.binary(max_size=5),

@@ -39,7 +39,7 @@ def _as_python_reads_it(tmp_path: Path, text: str) -> None:
 
 
 test_numbers_equal_pythons_bit_for_bit, test_many_numbers_equal_pythons = few_and_many(
-    _as_python_reads_it, 40, 300,
+    _as_python_reads_it, 30, 300,
     text=st.one_of(
         st.floats(allow_nan=False, allow_infinity=False).map(repr),
         st.from_regex(r"[+-]?[0-9]{0,25}(\.[0-9]{0,25})?([eE][+-]?[0-9]{1,3})?", fullmatch=True),
@@ -96,7 +96,7 @@ def _alike(
 
 
 test_the_fast_path_equals_the_reference, test_both_paths_are_equal_on_many_logs = few_and_many(
-    _alike, 60, 400,
+    _alike, 40, 400,
     lines=st.lists(_LINES, max_size=12), source=st.sampled_from([SOURCE, UNITS, NATIVE]),
     chunk=st.integers(16, 300),
 )  # fmt: skip
@@ -109,7 +109,7 @@ def _refused_alike(tmp_path_factory: pytest.TempPathFactory, data: bytes, packed
 
 
 test_any_bytes_are_read_or_refused_with_a_reason, test_many_bytes_are_refused = few_and_many(
-    _refused_alike, 80, 300, data=st.binary(max_size=400), packed=st.booleans()
+    _refused_alike, 40, 300, data=st.binary(max_size=400), packed=st.booleans()
 )
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.signals.windows import (
@@ -152,6 +152,7 @@ def test_rounded_stamps_are_taken_as_evenly_spaced():
     assert not piece.filled.any()
 
 
+@settings(max_examples=40, deadline=None)
 @given(st.lists(st.integers(40, 350), min_size=1, max_size=8, unique=True))
 def test_dropped_rows_are_filled_by_straight_lines_and_marked(dropped):
     lonely = [k for k in dropped if not {k - 1, k + 1} & set(dropped)]

@@ -26,7 +26,7 @@ from pipeline.schema.days import days_of
 from pipeline.schema.si import NS
 from pipeline.signals.cleaning.gaps import counted_intervals
 from pipeline.signals.cleaning.settings import CleanMachine, CleanSettings
-from pipeline.signals.columns import ALARMS, COLUMNS
+from pipeline.signals.columns import ALARMS, COLUMNS, unit_of
 from pipeline.signals.store import sha256_of
 from pipeline.signals.units import conversion
 
@@ -334,7 +334,6 @@ def _units(signals: Path) -> dict[str, str]:
         units.update({str(i): str(u) for i, u in frame.itertuples(index=False) if u})
     for path in sorted(signals.glob("traces/*.parquet")):
         for one in pq.read_schema(path):
-            unit = (one.metadata or {}).get(b"unit", b"").decode()
-            if unit:
+            if unit := unit_of(one):
                 units[one.name] = unit
     return units

@@ -97,6 +97,7 @@ def shape_of(
     item = naming.item(item_id)
     rest = {k: v for k, v in attributes.items() if k not in _OWN and not k.startswith("xmlns")}
     kind, manner = _kind(section, tag, item)
+    units = (item.units if item else None) or ""
     level = None
     key = None
     if kind == "CONDITION":
@@ -116,7 +117,7 @@ def shape_of(
         rest=rest,
         attributes=json_of(rest),
         level=level,
-        spatial=kind == "SAMPLE" or _spatial(tag, item),
+        spatial=kind == "SAMPLE" or tag in _SPATIAL_EVENTS or units.endswith("_3D"),
         rate=positive(rate) if rate is not None else item.sample_rate if item else None,
     )
 
@@ -158,10 +159,6 @@ def _kind(section: str, tag: str, item: DataItem | None) -> tuple[str, Manner]:
     if section == "SAMPLE":
         return section, "number"
     return section, "text" if is_name(tag) or is_name(kind) else "value"
-
-
-def _spatial(tag: str, item: DataItem | None) -> bool:
-    return tag in _SPATIAL_EVENTS or bool(item and item.units and item.units.endswith("_3D"))
 
 
 def _word(value: Any) -> str | None:

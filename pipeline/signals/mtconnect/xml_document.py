@@ -71,7 +71,10 @@ class Document(Streams):
         elif (self._form == "assets" and self.depth >= 3) or self._form == "asset":
             self._start_asset(name, tag, attributes)
         elif self._form == "devices" and tag == "DataItem":
-            self._data_item(attributes)
+            if attributes.get("id"):
+                self.rows.read += 1
+            else:
+                self.reject(self.at, "the data item has no id")
         elif self._form == "error":
             self._start_error(tag, attributes)
 
@@ -161,12 +164,6 @@ class Document(Streams):
             self.rows.add(shape, time, self.instance, self._tag)
         except MalformedError as malformed:
             self.reject(self._began, str(malformed))
-
-    def _data_item(self, attributes: dict[str, str]) -> None:
-        if attributes.get("id"):
-            self.rows.read += 1
-        else:
-            self.reject(self.at, "the data item has no id")
 
     def _start_error(self, tag: str, attributes: dict[str, str]) -> None:
         if tag == "Error" or (self.depth == 3 and not self._tag):

@@ -104,16 +104,13 @@ class Scanner:
             why = scan_lines(buffer, self._closed, LONGEST, self._state, self._rows,
                              self._slow, self._keys, self._plans, self._texts,
                              self._hard)  # fmt: skip
-            self._take_slow(segment.data)
+            for before, line, start, end in self._slow[: self._state[scan.SLOW]].tolist():
+                self._odd.append((before, Segment("lines", segment.data[start:end], line)))
+            self._state[scan.SLOW] = 0
             if why == scan.NEW_KEY:
                 self._learn(buffer)
             elif why == scan.FULL:
                 yield self._batch()
-
-    def _take_slow(self, data: bytes) -> None:
-        for before, line, start, end in self._slow[: self._state[scan.SLOW]].tolist():
-            self._odd.append((before, Segment("lines", data[start:end], line)))
-        self._state[scan.SLOW] = 0
 
     @property
     def _closed(self) -> bool:
@@ -155,7 +152,9 @@ class Scanner:
         sequence = self.records + 1 + np.arange(n) + np.cumsum(odd_records)[:n]
         table = self._table(n, sequence, rows, before)
         self.records += n + done
-        self._forget()
+        self._odd = []
+        self._texts[0][:] = 0
+        self._state[scan.ROWS : scan.KEY_START] = 0
         return Batch(observations=table, read=n + done, rejected=rejected)
 
     def _table(self, n: int, sequence: Any, odd: list[Row], before: list[int]) -> pa.Table:
@@ -204,11 +203,6 @@ class Scanner:
             factor, offset = self._plans[1][item[at]], self._plans[2][item[at]]
             changed = (factor != 1.0) | (offset != 0.0)
             number[at] = np.where(changed, values * factor + offset, values)
-
-    def _forget(self) -> None:
-        self._odd = []
-        self._texts[0][:] = 0
-        self._state[scan.ROWS : scan.KEY_START] = 0
 
 
 def _code(codes: dict[str, int], word: str | None) -> int:

@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +82,7 @@ def raw_table(
     constants = {
         block.name: float(np.ravel(block.load())[0].real)
         for block in named_arrays
-        if _size(block.shape) == 1 and block.kind in "biuf"
+        if prod(block.shape) == 1 and block.kind in "biuf"
     }
     return RawTable(
         columns=cells,
@@ -92,10 +93,6 @@ def raw_table(
         rate=rate,
         start=start,
     )
-
-
-def _size(shape: tuple[int, ...]) -> int:
-    return int(np.prod(shape, dtype=object)) if shape else 1
 
 
 def _columns(block: NamedArray) -> dict[str, _Column]:
