@@ -257,6 +257,7 @@ RULES = {
         ("G8 P1\nG5.1 Q1\nG5 P10000\nG1 X1\nG8 P0", "FEED"), ("G31 Z-5\nG0 X1", "PROBE RAPID"),
         ("G2 X2 I1\nM19 R90", "ARC SPINDLE"),
     ]),
+    "; ends a block where lines end in it": (xs, {}, [("O1;\nG0 X1;\nX#0 X2; X3;\n", [1, 2, 3])]),
     "% ends a file": (xs, {}, [("%\nO1\nG0 X1\n%\nG0 X9", [1])]),
 }  # fmt: skip
 """Rule -> what is seen of its programs, choices of the setup, programs with what is seen."""
@@ -306,6 +307,9 @@ def test_comments_and_blank_lines_may_stand_before_the_number(head, dialect):
     ("F100\nG1 X10,R2", "has to be a straight line"),
     ("F100\nG1 X10,R2\nY10 Z1", "in the plane"), ("F100\nG1 X10,C0\nY10", "give more than 0"),
     ("F100\nG51 X0 Y0 Z0 P2\nG1 X10,C1\nY10", "under G51"),
+    ("M1.5", "is no M code"), ("G4 P-1", "is not possible: give 0 or more"),
+    ("G27", "names no axis"), ("G68 X0 Y0 Z1 R9", "takes no Z"), ("G51 X1", "by how much"),
+    ("G51 X0 Y0 Z0 P0", "scales by 0"), ("G0 X#<a>", "is a name"),
     (HEAD + "M5\nG95 G81 X1 Z-5 R2 F1.5 S100", "the spindle stands"),
 ])  # fmt: skip
 def test_what_leads_nowhere_is_said(text, words):
@@ -350,7 +354,15 @@ def test_g53_counts_in_the_machine_and_is_rapid():
     moves = follow("F9 G1 X1\nG53 X7 Z8\nX1", **OFFSETS)
     assert points(moves)[1:] == [[7, 0, 8], [11.5, 0, 8]]
     assert moves.kind.tolist() == [Kind.FEED, Kind.RAPID, Kind.FEED]
-    assert "G28 names no axis" in follow("G28").notices[0]
+
+
+@pytest.mark.parametrize(("text", "words"), [
+    ("G28", "G28 names no axis"), (HEAD + "G84 X1 Z-5 R2 Q1", "is peck tapping"),
+    ("G51 X0 Y0 Z0 P2000 I2000 J1000 K1000", "G51 goes by I, J and K and does not read P"),
+    (HEAD + "G76 X1 Z-5 R2 Q0.5 I1 J0", "I, J and K give the shift of the cycle: Q is not read"),
+])  # fmt: skip
+def test_what_is_assumed_or_not_read_is_said(text, words):
+    assert words in " ".join(follow(text).notices)
 
 
 def test_arcs_turn_with_g68_and_are_mirrored_by_g51_1():

@@ -175,7 +175,8 @@ def test_consecutive_fast_lines_are_done_at_once() -> None:
 @pytest.mark.parametrize("line", [
     "X1 X2", "G0 G1 X1", "G1 X1 I2", "G2 X1", "G2 X1 R1 I1", "G17 G2 X1 K1", "M8", "S1", "O1",
     "X#1", "/X1", "X1 N2", "F0 X1", "G1.5 X1", "G4", "X", "X1e5", "P1", "%", "X[#1]", "X[1/0]",
-    "X#2", "X[#<none>]", "X[SIN[1]]", "X[2**3]", "X##1", "X#<_line>",
+    "X#2",
+    "X[#<none>]", "X[SIN[1]]", "X[2**3]", "X##1", "X#<_line>",
 ])  # fmt: skip
 def test_what_is_no_fast_line_is_left_to_the_interpreter(line: str) -> None:
     interpreter = Interpreter(parse_program(f"G1 F100\n{line}\n".encode(), "test"), Setup())

@@ -89,6 +89,9 @@ RULES = {
     "G10 L20 sets where the tool stands": "G0 X4 Y5\nG10 L20 P2 X1\nG55 G0 X0\nY0",
     "G92 and its like": "G0 X4\nG92 X1 Y2\nG0 X0\nG92.2\nX0\nG92.3\nX0\nG92.1\nX0\nG52 X2\nX0",
     "G28 goes over a point": "G0 X1 Y2 Z3\nG28.1\nG0 X9 Y9 Z9\nG91 G28 Z1\nG90 G28\nG30 X5",
+    "G28 goes along the axes of a turned program": "G10 L2 P1 R30\nG0 X1 Y2 Z3\nG28 X3",
+    "G10 L1 and L11 give tool data": "G10 L1 P1 R2 Z3\nG10 L11 P2 Z5\nG43 H1 G0 Z0\nG43 H2\nZ1",
+    "#5400 and #5410 are of the tool": "T2 M6\nG0 X#5400 Y#5410",
     "G43 shifts without a move": (
         "T1 M6\nG43\nG0 X1\nZ0\nG43 H2\nZ0\nG43.2 H3\nZ0\nG43.1 Z2\nZ0\nG49 Z0"
     ),
