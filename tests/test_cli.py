@@ -24,8 +24,10 @@ from typer.testing import CliRunner
 import pipeline.app.kerf as kerf_options
 import pipeline.app.program_commands  # noqa: F401, its commands
 from pipeline.app.commands import app
+from pipeline.app.compensation import FORMATS
+from pipeline.app.compiling import announced
 from pipeline.app.fleet import machine_parameters
-from pipeline.app.output import announced, log_to_standard_error
+from pipeline.app.output import log_to_standard_error
 from pipeline.app.programs import CHAMPION, LATEST
 from pipeline.app.thermal_growth import FORMATS
 from pipeline.gcode.setup import Setup
@@ -602,6 +604,9 @@ def test_the_report_is_written_where_it_is_asked_for(project: Path, tmp_path: Pa
     done = kerf(project, "report", "--out", tmp_path / "pages")
     assert (done.exit_code, done.stdout) == (0, f"wrote {tmp_path / 'pages/index.html'}\n")
     assert MACHINE in (tmp_path / "pages/index.html").read_text()
+    (project / "conf/pages/default.yaml").write_text("language: de\n")  # not composed
+    done = kerf(project, "report", "--out", tmp_path / "pages")
+    assert done.exit_code == 0 and "'de'} and params.yaml {'language': 'en'}" in done.stderr
 
 
 def test_the_version_is_that_of_the_installed_package(project: Path) -> None:

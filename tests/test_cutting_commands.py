@@ -51,6 +51,13 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
+def simulated(project: Path, *more: str) -> tuple[dict[str, Any], str]:
+    """The cut in the document of a simulation, and the lines that it says."""
+    done = kerf(project, "simulate", "part.nc", *CUT, *more, "--json", "-")
+    assert done.exit_code == 0, done.output
+    return json.loads(done.stdout)["cut"], done.stderr
+
+
 def test_each_tool_is_told_with_its_units(project: Path) -> None:
     done = kerf(project, "simulate", "part.nc", *CUT)
     assert done.exit_code == 0, done.output
@@ -115,19 +122,12 @@ def test_inches_and_a_stated_offset(project: Path) -> None:
 
 
 def test_a_measured_response_goes_before_the_modes_of_the_machine(project: Path) -> None:
-    rows = ["frequency [Hz],real [m/N],imaginary [m/N]"]
-    for f in range(200, 3000, 5):
-        g = 1 / (2e7 * (1 - (f / 900) ** 2 + 2j * 0.03 * f / 900))
-        rows.append(f"{f},{g.real:.9e},{g.imag:.9e}")
     for axis in "xy":
-        (project / f"{axis}.csv").write_text("\n".join(rows) + "\n")
-    words_ = ("--frf", "x=x.csv", "--frf", "y=y.csv", "--json", "c.json")
-    done = kerf(project, "simulate", "part.nc", *CUT, *words_)
-    assert done.exit_code == 0, done.output
-    cut = json.loads((project / "c.json").read_text())["cut"]
-    assert "modes fitted to the measured response x.csv, y.csv, error 0.0 %" in cut["dynamics"]
+        _response(project, f"{axis}.csv", 3000, (900, 2e7))
+    cut, said = simulated(project, "--frf", "x=x.csv", "--frf", "y=y.csv")
+    fitted = "modes fitted to the measured response x.csv, y.csv, error 0.0 %"
+    assert fitted in cut["dynamics"] and fitted in said
     assert cut["lobes"] and cut["summary"]["stability_margin"] is not None
-    assert "modes fitted to the measured response x.csv, y.csv, error 0.0 %" in done.stdout
 
 
 @pytest.mark.parametrize(
@@ -224,35 +224,31 @@ def test_rapids_alone_go_through_the_material(project: Path) -> None:
     assert "no move cuts" in refused(project, "simulate", "part.nc", *CUT)
 
 
-def _response(project: Path, name: str, natural: float, top: int) -> None:
+def _response(project: Path, name: str, top: int, *modes: tuple[float, float]) -> None:
+    """A measured response of modes, natural frequency [Hz] and stiffness [N/m], up to ``top``."""
     rows = ["frequency [Hz],real [m/N],imaginary [m/N]"]
-    for f in range(20, top, 5):
-        g = 1 / (2e7 * (1 - (f / natural) ** 2 + 2j * 0.03 * f / natural))
+    for f in range(50, top, 5):
+        g = sum(1 / (k * (1 - (f / n) ** 2 + 2j * 0.03 * f / n)) for n, k in modes)
         rows.append(f"{f},{g.real:.9e},{g.imag:.9e}")
     (project / name).write_text("\n".join(rows) + "\n")
 
 
 def test_a_response_along_one_axis_is_refused(project: Path) -> None:
-    _response(project, "x.csv", 900, 3000)
+    _response(project, "x.csv", 3000, (900, 2e7))
     said = refused(project, "simulate", "part.nc", *CUT, "--frf", "x=x.csv")
     assert "nothing is measured along y" in said and "--frf y=FILE" in said
 
 
 def test_a_response_without_its_mode_is_refused(project: Path) -> None:
-    _response(project, "x.csv", 9000, 600)
+    _response(project, "x.csv", 600, (9000, 2e7))
     said = refused(project, "simulate", "part.nc", *CUT, "--frf", "x=x.csv", "--frf", "y=x.csv")
     assert "--frf x.csv, x.csv: frequency response along x" in said and "measure" in said
 
 
 def test_what_a_response_does_not_show_is_warned_of(project: Path) -> None:
-    rows = ["frequency [Hz],real [m/N],imaginary [m/N]"]
-    for f in range(50, 2000, 5):
-        g = sum(1 / (k * (1 - (f / n) ** 2 + 0.06j * f / n)) for n, k in ((900, 2e7), (2200, 4e7)))
-        rows.append(f"{f},{g.real:.9e},{g.imag:.9e}")
-    (project / "x.csv").write_text("\n".join(rows) + "\n")
-    done = kerf(project, "simulate", "part.nc", *CUT, "--frf", "x=x.csv", "--frf", "y=x.csv")
-    assert done.exit_code == 0, done.output
-    assert "warning: modes above 1995 Hz, where the measurement along x ends" in done.stdout
+    _response(project, "x.csv", 2000, (900, 2e7), (2200, 4e7))
+    _, said = simulated(project, "--frf", "x=x.csv", "--frf", "y=x.csv")
+    assert "warning: modes above 1995 Hz, where the measurement along x ends" in said
 
 
 def test_modes_along_one_axis_are_warned_of(project: Path) -> None:
@@ -282,12 +278,9 @@ def test_outputs_replace_nothing(project: Path, outputs: tuple[str, ...], said: 
 
 def test_a_spindle_that_stands_cuts_no_chip(project: Path) -> None:
     (project / "part.nc").write_text(PART.replace(" S6000 M3", ""))
-    done = kerf(project, "simulate", "part.nc", *CUT, "--limit-load", "60", "--json", "c.json",
-                "--page", "p.html")  # fmt: skip
-    assert done.exit_code == 0, done.output
-    total = json.loads((project / "c.json").read_text())["cut"]["summary"]
-    assert all(total[key] is None for key in ("peak_load_N", "torque_Nm", "power_kW"))
-    assert "not known: load, torque and power where the spindle stands" in done.stdout
+    cut, said = simulated(project, "--limit-load", "60", "--page", "p.html")
+    assert all(cut["summary"][key] is None for key in ("peak_load_N", "torque_Nm", "power_kW"))
+    assert "not known: load, torque and power where the spindle stands" in said
 
 
 def test_tools_with_one_law_share_its_line(project: Path) -> None:
@@ -361,8 +354,7 @@ def test_a_law_of_another_tool_or_material_or_of_the_latest_model_is_not_taken(
 
 def _energy(project: Path) -> float:
     assert kerf(project, "simulate", "part.nc", *CUT, "--json", "c.json").exit_code == 0
-    found = json.loads((project / "c.json").read_text())["cut"]["summary"]["energy_kWh"]
-    return float(found)
+    return float(json.loads((project / "c.json").read_text())["cut"]["summary"]["energy_kWh"])
 
 
 def test_the_page_and_the_numbers_are_the_same_each_time(project: Path) -> None:
@@ -418,12 +410,9 @@ def test_a_holder_or_shank_that_meets_the_part_is_named_by_every_command(project
     found = json.loads(kerf(project, "preflight", "part.nc", *blank, "--json", "-").stdout)
     assert {one["what"] for one in found["violations"]} == {"holder", "shank"}
     assert SAID in kerf(project, "check", "part.nc", "part.nc", *blank).stdout
-    done = kerf(project, "simulate", "part.nc", *CUT, "--json", "cut.json")
-    assert done.exit_code == 0 and SAID in done.stdout
-    (grave,) = [
-        one for one in json.loads((project / "cut.json").read_text())["cut"]["warnings"]
-        if "holder" in one["what"]
-    ]  # fmt: skip
+    cut, said = simulated(project)
+    assert SAID in said
+    (grave,) = [one for one in cut["warnings"] if "holder" in one["what"]]
     assert grave["grave"] and grave["lines"][0] == 8
 
 

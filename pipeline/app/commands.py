@@ -10,7 +10,7 @@ import typer
 
 import pipeline.app.kerf as kerf
 from pipeline.app.kerf import app, one_sentence, steps_bar
-from pipeline.app.output import aligned, announced, many, outputs, step
+from pipeline.app.output import aligned, many, outputs, step
 
 if TYPE_CHECKING:
     from pipeline.app.fleet import FileResult
@@ -44,6 +44,7 @@ def ingest(
     json: kerf.Json = None,
 ) -> None:
     """Read FILES into Parquet; say how many records were read, kept and rejected."""
+    from pipeline.app.compiling import announced
     from pipeline.app.fleet import ingest_files
     from pipeline.signals.store import strangers_said
 

@@ -1,26 +1,63 @@
-"""Compilation of the product's loops ahead of their use.
+"""Compilation of the product's loops ahead of their use, and the announcement of it.
 
 ``loops.json`` names each loop that a build of the first fleet compiles, with the types of its
 arguments; ``python -m pipeline.app.compiling`` writes it from this machine's cache.
 """
 
 import json
+import logging
 import pkgutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import typer
+from numba.core import event
 from numba.core import types as numba_types
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
 
 import pipeline
+from pipeline.app.output import LOG
 from pipeline.kernels import kept_signatures
 from pipeline.parallel import mapped
 
 types: Any = numba_types
 LOOPS = Path(__file__).with_name("loops.json")
+
+ONCE = "kerf: compiling loops for this processor, which takes some seconds and is done once"
+
+
+class _Announcing(event.Listener):
+    """Say once that loops are compiled, and on a terminal which."""
+
+    def __init__(self) -> None:
+        self.loops = 0
+
+    def on_start(self, event: event.Event) -> None:
+        self.loops += 1
+        name = event.data["dispatcher"].py_func.__name__
+        LOG.debug("compiling %s", name)
+        if LOG.level >= logging.ERROR:
+            return
+        if self.loops == 1:
+            typer.echo(ONCE, err=True)
+        if sys.stderr.isatty():
+            typer.echo(f"\r\x1b[K{self.loops} loops: {name}", nl=False, err=True)
+
+    def on_end(self, event: event.Event) -> None:
+        if sys.stderr.isatty() and LOG.level < logging.ERROR:
+            typer.echo("\r\x1b[K", nl=False, err=True)
+
+
+@contextmanager
+def announced() -> Iterator[None]:
+    """While loops are compiled, standard error says so; not under ``--quiet``."""
+    with event.install_listener("numba:compile", _Announcing()):
+        yield
 
 
 def compile_loops() -> int:

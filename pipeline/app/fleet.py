@@ -241,20 +241,12 @@ def use_fleet(name: str) -> Fleet:
         with replacing(active, follow=False) as part:
             part.write_text(text)
     if before != chosen.name:
-        _change_lock(before or "unknown", chosen.name)
+        old, new = (LOCKS / f"{Path(one).name}.lock" for one in (before or "unknown", chosen.name))
+        for source, target in ((LOCK, old), (new, LOCK)):
+            if source.exists():
+                target.parent.mkdir(parents=True, exist_ok=True)
+                source.replace(target)
     return chosen
-
-
-def _change_lock(now: str, chosen: str) -> None:
-    """Put dvc.lock of the fleet ``now`` by, and that of the one ``chosen`` in its place."""
-    for source, target in ((LOCK, _kept_lock(now)), (_kept_lock(chosen), LOCK)):
-        if source.exists():
-            target.parent.mkdir(parents=True, exist_ok=True)
-            source.replace(target)
-
-
-def _kept_lock(fleet: str) -> Path:
-    return LOCKS / f"{Path(fleet).name}.lock"
 
 
 def _whole(path: Path) -> str:

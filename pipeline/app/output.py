@@ -21,7 +21,6 @@ LEVELS = (logging.WARNING, logging.INFO, logging.DEBUG)
 """Log levels by the number of times that ``-v`` is given."""
 OWN = ("champions.json", "params.yaml", "dvc.yaml", "dvc.lock")
 """Files of a project that no output replaces."""
-ONCE = "kerf: compiling loops for this processor, which takes some seconds and is done once"
 STANDARD = Path("-")
 """Name of standard output where a file is named."""
 NONE = "-"
@@ -225,33 +224,3 @@ def aligned(rows: Sequence[Sequence[str]], *, words: int) -> Iterator[str]:
             for i, (word, width) in enumerate(zip(row, widths, strict=True))
         ]
         yield "  ".join(cells).rstrip()
-
-
-@contextmanager
-def announced() -> Iterator[None]:
-    """While loops are compiled, standard error says so, on a terminal which; not if quiet."""
-    from numba.core import event
-
-    class Announcing(event.Listener):
-        loops = 0
-
-        def on_start(self, event: event.Event) -> None:
-            self.loops += 1
-            name = event.data["dispatcher"].py_func.__name__
-            LOG.debug("compiling %s", name)
-            if LOG.level < logging.ERROR:
-                if self.loops == 1:
-                    typer.echo(ONCE, err=True)
-                _on_terminal(f"{self.loops} loops: {name}")
-
-        def on_end(self, event: event.Event) -> None:
-            if LOG.level < logging.ERROR:
-                _on_terminal("")
-
-    with event.install_listener("numba:compile", Announcing()):
-        yield
-
-
-def _on_terminal(text: str) -> None:
-    if sys.stderr.isatty():
-        typer.echo(f"\r\x1b[K{text}", nl=False, err=True)

@@ -12,7 +12,7 @@ import typer
 
 import pipeline.app.kerf as kerf
 from pipeline.app.kerf import app, one_sentence, share_bar, stages_bar
-from pipeline.app.output import Outputs, announced, check_outputs, outputs, step
+from pipeline.app.output import Outputs, check_outputs, outputs, step
 from pipeline.schema.limits import BY_TOOL, limit_options
 
 SETTINGS = {
@@ -32,6 +32,7 @@ def _working() -> Iterator[Outputs]:
 
     A setting that is refused is named by the option that gave it, but for what stands in a file.
     """
+    from pipeline.app.compiling import announced
     from pipeline.parameters import ParametersError
 
     with one_sentence(), outputs() as to, announced():

@@ -192,12 +192,6 @@ def _sparkline(series: ItemSeries, span: tuple[int, int]) -> str:
     return "".join(" " if np.isnan(s) else BARS[min(int(s * 8), 7)] for s in share)
 
 
-def span_of(every: Mapping[str, ItemSeries]) -> tuple[int, int]:
-    """First and last time [ns] of all series that said anything; zeros where none did."""
-    said = [one.time[one.known] for one in every.values() if one.known.any()]
-    return (min(int(t[0]) for t in said), max(int(t[-1]) for t in said)) if said else (0, 0)
-
-
 def machine_records(
     signals: Path, signal_of: dict[str, str], units: dict[str, str]
 ) -> list[ItemRecord]:
@@ -208,7 +202,9 @@ def machine_records(
     """
     every = item_series(signals)
     shortened = without_holes(every)
-    first, last = (int(t) for t in shortened(np.array(span_of(every))))
+    said = np.concatenate([np.zeros(0, np.int64), *(s.time[s.known] for s in every.values())])
+    ends = np.array([said.min(), said.max()] if len(said) else [0, 0])
+    first, last = (int(t) for t in shortened(ends))
     traced = {n for p in signals.glob("traces/*.parquet") for n in pq.read_schema(p).names}
     empty = ItemSeries(
         time=np.array([], np.int64), number=np.array([]), known=np.array([], bool), words=0
