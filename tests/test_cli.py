@@ -24,7 +24,6 @@ from typer.testing import CliRunner
 import pipeline.app.kerf as kerf_options
 import pipeline.app.program_commands  # noqa: F401, its commands
 from pipeline.app.commands import app
-from pipeline.app.compensation import FORMATS
 from pipeline.app.compiling import announced
 from pipeline.app.fleet import machine_parameters
 from pipeline.app.output import log_to_standard_error

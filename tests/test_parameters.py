@@ -255,5 +255,5 @@ def test_a_file_of_a_catalogue_that_is_no_entry_is_refused_by_its_path(
 def test_a_section_by_its_old_name_is_said() -> None:
     with pytest.raises(ParametersError, match="it was called correction, rename it in conf/"):
         structure({"correction": {}}, "command_correction", CommandCorrectionSettings)
-    with pytest.raises(ValueError, match="submodels.compensation is called following_residual now"):
+    with pytest.raises(ValueError, match="compensation is called following_residual now"):
         Fleet(name="mine", machines=("a",), submodels={"compensation": ("a",)})

@@ -100,7 +100,7 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
         interrupted=result.interrupted,
         not_known=_not_known(result, after),
         notes=(
-            *_compensated(result),
+            *_with_residual(result),
             *_given_way(result),
             *notes(after.of, basis),
             *("{}: {} ({})".format(*life) for life in life_sources(after.cut, basis.material)),
@@ -171,7 +171,7 @@ def _rubs(result: Result) -> Iterator[CutWarning]:
         )  # fmt: skip
 
 
-def _compensated(result: Result) -> Iterator[str]:
+def _with_residual(result: Result) -> Iterator[str]:
     """A sentence where following errors hold what a residual network adds to them."""
     models, axes = result.job.models, result.answer.verified.axes.axes
     if models.residual is not None:

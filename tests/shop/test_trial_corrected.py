@@ -17,7 +17,7 @@ from pipeline.twin.command_correction import corrected_command
 from pipeline.twin.program_axes import between
 from tests.small_project import inside
 from tests.twin.shop_drives import shop_drives
-from tests.twin.test_correction import CIRCLE, STROKE, T, reference, rms
+from tests.twin.test_command_correction import CIRCLE, STROKE, T, reference, rms
 
 from .conftest import CONF, shop_parameters
 

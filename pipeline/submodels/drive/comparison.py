@@ -27,9 +27,7 @@ from pipeline.machine.axis.drive_parameters import (
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.drive import FOLLOWING, FORCE, DriveAxis
-from pipeline.schema.model import Band
-from pipeline.schema.interval import Band
-from pipeline.schema.model import significant
+from pipeline.schema.model import Band, significant
 from pipeline.submodels.conformal import ALL_REGIMES, Residuals, bands, splits
 from pipeline.submodels.drive.disturbance import Disturbance, disturbance_of
 from pipeline.submodels.drive.entry_fits import shifted

@@ -29,10 +29,7 @@ from pipeline.schema.drive import (
 )
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
-from pipeline.schema.model import Band, LeftOut, SourceFile
-from pipeline.schema.interval import Band
-from pipeline.schema.model import LeftOut, SourceFile, significant
-from pipeline.schema.outside import widest
+from pipeline.schema.model import Band, LeftOut, SourceFile, significant
 from pipeline.schema.ranges import Positive, Ranged
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role, widest
