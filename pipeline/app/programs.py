@@ -86,8 +86,7 @@ class Controlled:
     @property
     def sections(self) -> dict[str, Any]:
         """Sections of the machine's file."""
-        found: dict[str, Any] = self.parameters["machine"][self.machine]
-        return found
+        return self.parameters["machine"][self.machine]
 
     def preflight(self, moves: Moves) -> Preflight:
         """Moves held against the machine's travel, speeds, feeds and tool lengths."""

@@ -273,8 +273,7 @@ def _across(points: Sequence[TransferPoint]) -> Floats:
     """Place of each point (N,) along the logarithm of the minutes [% of the width]."""
     logs = np.log([one.minutes for one in points])
     span = float(np.ptp(logs))
-    places: Floats = 100 * (logs - logs[0]) / span if span else np.full(len(logs), 50.0)
-    return places
+    return 100 * (logs - logs[0]) / span if span else np.full(len(logs), 50.0)
 
 
 def _minutes_axis(points: Sequence[TransferPoint], across: Floats, bottom: float) -> list[Markup]:

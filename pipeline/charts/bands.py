@@ -45,8 +45,7 @@ class Band:
     def down(self, values: Floats) -> Floats:
         """Values (T,) as heights of the viewport, from its top, within it."""
         inside = np.clip(values, self.low, self.high)
-        heights: Floats = svg.FULL * (self.high - inside) / (self.high - self.low)
-        return heights
+        return svg.FULL * (self.high - inside) / (self.high - self.low)
 
     def levels(self, most: int = 4) -> list[Markup]:
         """Lines and words at round values."""
@@ -202,8 +201,7 @@ class Axis:
 
     def percent(self, x: Floats) -> Floats:
         """Places (T,) along the width [%]."""
-        share: Floats = 100 * (x - self.span[0]) / max(self.span[1] - self.span[0], 1e-12)
-        return share
+        return 100 * (x - self.span[0]) / max(self.span[1] - self.span[0], 1e-12)
 
 
 def axis(words: str, span: tuple[float, float], most: int = 6) -> Axis:

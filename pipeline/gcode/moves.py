@@ -193,8 +193,7 @@ class Moves:
         x, w = np.polynomial.legendre.leggauss(16)
         r = r_0[:, None] + (r_1 - r_0)[:, None] * (x + 1) / 2
         speed = np.sqrt(r**2 + slope[:, None] ** 2 + pitch[:, None] ** 2)
-        arc: npt.NDArray[np.float64] = angle * (speed @ w) / 2
-        return arc
+        return angle * (speed @ w) / 2
 
     def radii(
         self, rows: npt.NDArray[np.intp]

@@ -38,8 +38,7 @@ def run_up_time(speed: Floats, acceleration: Floats, base_speed: float) -> Float
     low = np.minimum(n, base_speed)
     # where the base speed is infinite nothing lies above it
     above = (n - low) * (n + low) / (2 * acceleration * base_speed)
-    time: Floats = np.sign(speed) * (low / acceleration + above)
-    return time
+    return np.sign(speed) * (low / acceleration + above)
 
 
 def spindle_waits(
@@ -99,8 +98,7 @@ def _waiting(moves: Moves, parameters: AuxiliaryParameters) -> tuple[Rows, Rows]
 def _speed_changes(moves: Moves, rows: Rows) -> Bools:
     """Flags of spindle rows that only change the speed of a rotating spindle."""
     before = np.where(rows > 0, moves.direction[rows - 1], 0)
-    same: Bools = (before == moves.direction[rows]) & (before != 0)
-    return same
+    return (before == moves.direction[rows]) & (before != 0)
 
 
 def _first_after(candidates: Rows, rows: Rows, none: int) -> Rows:

@@ -61,8 +61,7 @@ class Conditions(nn.Module):
         if entering.shape[1] == 0:  # no condition at all
             entering = numbers.new_zeros(len(numbers), 1)
         hidden = nn.functional.leaky_relu(self.first(entering), SLOPE)
-        found: Tensor = self.second(hidden)
-        return found
+        return self.second(hidden)
 
 
 class Product(nn.Module):

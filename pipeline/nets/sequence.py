@@ -108,8 +108,7 @@ class CnnLstm(SequenceNetwork):
         if self.pool > 1:
             pool = min(self.pool, len(found))
             found = found[len(found) % pool :].unflatten(0, (-1, pool)).amax(1)
-        states: Tensor = self.lstm(found)[0]
-        return states
+        return self.lstm(found)[0]
 
     def features(self, x: Tensor) -> Tensor:
         """Last state, shape (B, units)."""
@@ -170,8 +169,7 @@ class Tcn(SequenceNetwork):
 
     def rows(self, x: Tensor) -> Tensor:
         """Output of the blocks at each time, shape (B, T, filters)."""
-        found: Tensor = self.blocks(x)
-        return found
+        return self.blocks(x)
 
     def features(self, x: Tensor) -> Tensor:
         """Last row, shape (B, filters)."""

@@ -79,8 +79,7 @@ class Scaling:
 
     def restored(self, scaled: Floats) -> Floats:
         """Values in their units."""
-        found: Floats = scaled * self.scale + self.shift
-        return found
+        return scaled * self.scale + self.shift
 
 
 def scaling_document(**parts: Scaling) -> dict[str, Any]:

@@ -233,8 +233,7 @@ def _genetic(progress: Progress, settings: TrainingSettings, generator: torch.Ge
         gram, moment = built.normal_equations(bands, x, c, y)
         b = ridge_solution(gram, moment, settings.ridge)[..., 0]
         # mean((A b - y)^2) + ridge b'b is the power of y less b'm where b solves the equations
-        least: Floats = (power - (b * moment[..., 0]).sum(-1)).numpy()
-        return least
+        return (power - (b * moment[..., 0]).sum(-1)).numpy()
 
     gap = settings.population - 1  # children of a generation: one elite stays
 

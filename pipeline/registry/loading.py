@@ -31,8 +31,7 @@ class Predictor:
 
         Raises ValueError when the bundle has no such sub-model, or the table lacks what it needs.
         """
-        found: pd.DataFrame = self._model.predict(None, table, {"submodel": submodel})
-        return found
+        return self._model.predict(None, table, {"submodel": submodel})
 
 
 def load(machine: str, alias: str = "champion", root: Path = Path()) -> Predictor:

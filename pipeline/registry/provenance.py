@@ -59,8 +59,7 @@ def stored_model(name: str, folder: Path) -> Model:
     """Model of a sub-model in ``folder``."""
     from pipeline.submodels.contract import submodel
 
-    found: Model = read_json(folder / MODEL, submodel(name).model)
-    return found
+    return read_json(folder / MODEL, submodel(name).model)
 
 
 def key_figures(name: str, folder: Path) -> dict[str, float]:

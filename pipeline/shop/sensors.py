@@ -367,8 +367,7 @@ def tip_temperatures(day: SensedDay) -> Floats:
     """Temperatures of the tips of the thermocouples over a day, each 10 s, (T, 6) [degC]."""
     nodes = day.temperatures[::GRID][:, [FRONT, REAR, HOUSING, BED, COOLANT]]
     sources = np.column_stack([nodes, day.ambient[::GRID]])
-    tips: Floats = sources @ np.array(list(CHANNELS.values())).T
-    return tips
+    return sources @ np.array(list(CHANNELS.values())).T
 
 
 def write_thermocouples(folder: Path, tips: Floats, parameters: ShopParameters) -> dict[str, Any]:

@@ -236,8 +236,7 @@ def _read(file: RawFile, raw: Path, out: Path) -> Outcome:
 def reader_of(form: str) -> Callable[..., Any]:
     """The reader of a format: of a path, its source, and the folder of the raw files."""
     module, _, function = READERS[form].partition(":")
-    reader: Callable[..., Any] = getattr(import_module(f"pipeline.signals.{module}"), function)
-    return reader
+    return getattr(import_module(f"pipeline.signals.{module}"), function)
 
 
 def _unreadable(reason: str, form: str | None) -> Outcome:

@@ -305,8 +305,7 @@ class LogItems:
         rows = self.item == item
         values = np.append(self.number[rows], np.nan)
         last = np.searchsorted(self.time[rows], times, side="right") - 1
-        held: Floats = values[last]
-        return held
+        return values[last]
 
 
 def _column(names: Sequence[str], column: str) -> str | None:

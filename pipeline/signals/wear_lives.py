@@ -399,7 +399,4 @@ def _at_rate(values: Floats, piece: UniformSegment, rate: float) -> Floats:
     from scipy.signal import resample_poly
 
     ratio = Fraction(rate / recorded).limit_denominator(1000)
-    found: Floats = resample_poly(
-        values, ratio.numerator, ratio.denominator, axis=1, padtype="line"
-    )
-    return found
+    return resample_poly(values, ratio.numerator, ratio.denominator, axis=1, padtype="line")

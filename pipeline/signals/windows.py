@@ -133,8 +133,7 @@ class UniformSegment:
 
     def on_grid(self, values: Floats) -> Floats:
         """Values of all rows of the recording, interpolated on the grid; shape (T,)."""
-        resampled: Floats = np.interp(np.arange(self.samples), self.places, values[self.rows])
-        return resampled
+        return np.interp(np.arange(self.samples), self.places, values[self.rows])
 
 
 def sampling_period(t: Floats) -> float:

@@ -233,8 +233,7 @@ def submodel(name: str) -> SubModel[Any, Any, Any]:
     """The sub-model ``name``; ValueError when there is none of that name."""
     if name not in submodels():
         raise ValueError(f"there is no sub-model {name!r}; there are {', '.join(submodels())}")
-    found: SubModel[Any, Any, Any] = import_module(f"pipeline.submodels.{name}.submodel").SUBMODEL
-    return found
+    return import_module(f"pipeline.submodels.{name}.submodel").SUBMODEL
 
 
 def sections(settings: type) -> dict[str, Any]:

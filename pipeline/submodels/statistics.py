@@ -131,8 +131,7 @@ def block_numbers(residuals: Floats, stretch: Ints, parameters: int) -> Ints:
     many = len(residuals)
     length = BLOCK * correlation_rows(residuals, stretch)
     length = max(min(length, many / (FEWEST * parameters)), 1.0)
-    numbers: Ints = (np.arange(many) / length).astype(np.int64)
-    return numbers
+    return (np.arange(many) / length).astype(np.int64)
 
 
 def textbook_half_width(jacobian: Floats, noise: float) -> Floats:
@@ -148,8 +147,7 @@ def textbook_half_width(jacobian: Floats, noise: float) -> Floats:
     triangle = np.linalg.qr(jacobian / length, mode="r")
     _, singular, right = np.linalg.svd(triangle, full_matrices=False)
     spread = np.sqrt(((right / np.maximum(singular, 1e-12)[:, None]) ** 2).sum(axis=0))
-    half_width: Floats = 2 * noise * spread / length
-    return half_width
+    return 2 * noise * spread / length
 
 
 def spread_of(values: Floats) -> float:

@@ -126,12 +126,11 @@ class DeformationNetwork(Ranged, section="deformation"):
         """Growth since the first sample [m], shape (..., T), from the nodes, (2, ..., T)."""
         rise = nodes_C - nodes_C[..., :1]
         square = np.asarray(speed_rad_s, float) ** 2
-        grown: Floats = (
+        return (
             self.spindle_expansion * rise[0]
             + self.structure_expansion * rise[1]
             + self.centrifugal * (square - square[..., :1])
         )
-        return grown
 
     def predict(
         self, speed_rad_s: ArrayLike, ambient_C: ArrayLike, temperatures_C: ArrayLike, step: float
@@ -170,8 +169,7 @@ def start_of_nodes(
     above = np.where(seen, values - mean[..., None], 0.0)
     normal = np.swapaxes(mixture, -1, -2) @ mixture + START_RIDGE * np.eye(2)
     target = (mixture * above[..., None]).sum(axis=-2)
-    start: Floats = mean[..., None] + np.linalg.solve(normal, target[..., None])[..., 0]
-    return start
+    return mean[..., None] + np.linalg.solve(normal, target[..., None])[..., 0]
 
 
 def simulate(
@@ -247,8 +245,7 @@ class LaggedExpansion(Ranged, section="expansion"):
         (T, C) [degC].
         """
         columns = _columns(time_s, speed_rad_s, np.asarray(temperatures_C, float), self.lags_s)
-        grown: Floats = columns @ np.array([*self.expansions, self.centrifugal])
-        return grown
+        return columns @ np.array([*self.expansions, self.centrifugal])
 
 
 BOUNDS_S = (1.0, 20000.0)

@@ -243,5 +243,4 @@ class _Task:
         shown[places] = (behind - ahead) / self._start_error(record) / width
         slopes = np.hstack([slopes, shown])
         inner = np.linalg.solve(by_start @ by_start.T, by_start @ slopes.T)
-        projected: Floats = slopes.T - by_start.T @ inner
-        return projected
+        return slopes.T - by_start.T @ inner

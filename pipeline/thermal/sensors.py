@@ -77,8 +77,7 @@ def memberships(x: Floats, centres: Floats) -> Floats:
     nearest = square.min(axis=1, keepdims=True)
     on_centre = square == 0
     near = np.where(nearest > 0, nearest / np.where(on_centre, 1.0, square), on_centre)
-    shares: Floats = near / near.sum(axis=1, keepdims=True)
-    return shares
+    return near / near.sum(axis=1, keepdims=True)
 
 
 def _spread_points(x: Floats, clusters: int, rng: np.random.Generator) -> Floats:
@@ -125,8 +124,7 @@ def sensor_groups(temperatures: ArrayLike, groups: int = 3, *, seed: int = 0) ->
     weights = fuzzy_c_means(triangle.T, groups, seed=seed)[1].T ** 2
     weights /= weights.sum(axis=1, keepdims=True)
     places = weights @ np.arange(measured.shape[1])
-    ordered: Floats = weights[np.argsort(places, kind="stable")]
-    return ordered
+    return weights[np.argsort(places, kind="stable")]
 
 
 def lag(time_s: ArrayLike, values: ArrayLike, constant_s: float) -> Floats:

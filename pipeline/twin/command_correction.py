@@ -190,8 +190,7 @@ class _Learning:
         """The next correction [m]; zero at both ends and where nothing of it is made."""
         spectrum = self._spectrum(correction) + self.inverse * self._spectrum(missed)
         whole = np.fft.irfft(self.low_pass * spectrum, self.padded)
-        found: Floats = self.window * whole[self.pad : self.pad + self.length]
-        return found
+        return self.window * whole[self.pad : self.pad + self.length]
 
     def _spectrum(self, values: Floats) -> Complexes:
         after = self.padded - self.length - self.pad
@@ -200,8 +199,7 @@ class _Learning:
 
 def smooth_step(s: Floats) -> Floats:
     """From 0 to 1 over s from 0 to 1, its speed and acceleration zero at both ends."""
-    found: Floats = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-    return found
+    return s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
 
 
 def reference_response(
@@ -223,8 +221,7 @@ def reference_response(
     forward = loop * (servo.loop_gain + servo.velocity_feedforward * s) / late
     forward += plant * servo.acceleration_feedforward * s**2
     closed = s * (1.0 + loop / (1.0 + servo.velocity_lag * s)) + loop * servo.loop_gain / late
-    found: Complexes = forward / closed
-    return found
+    return forward / closed
 
 
 def cutoff(servo: ServoParameters, feed_drive: FeedDriveParameters, period: float) -> float:
@@ -331,23 +328,20 @@ def in_cuts(plan: Plan, commanded: Trace, time: Floats) -> Bools:
     period = float(commanded.time[1] - commanded.time[0])
     rows = np.rint(time / period).astype(int)
     inside = (rows >= 0) & (rows < len(cuts))
-    found: Bools = inside & cuts[np.clip(rows, 0, len(cuts) - 1)]
-    return found
+    return inside & cuts[np.clip(rows, 0, len(cuts) - 1)]
 
 
 def fading(cuts: Bools, reach: int) -> Floats:
     """1 in cuts, smoothly to 0 within ``reach`` samples before and after each, shape (T,)."""
     ways = [_since(cuts), _since(cuts[::-1])[::-1]]
     after, before = (1.0 - smooth_step(np.minimum(way / (reach + 1), 1.0)) for way in ways)
-    found: Floats = 1.0 - (1.0 - after) * (1.0 - before)
-    return found
+    return 1.0 - (1.0 - after) * (1.0 - before)
 
 
 def _since(cuts: Bools) -> Floats:
     """Samples since the last cut, inf before the first."""
     rows = np.arange(len(cuts), dtype=float)
-    found: Floats = rows - np.maximum.accumulate(np.where(cuts, rows, -inf))
-    return found
+    return rows - np.maximum.accumulate(np.where(cuts, rows, -inf))
 
 
 def _rows(axis: CorrectedAxis, rows: int, time: Floats) -> CorrectedAxis:

@@ -58,8 +58,7 @@ def stable(rows: Floats, period: float, substeps: int = 1) -> Bools:
     # beyond this the step of viscous friction turns the speed round
     viscous = np.maximum(*_viscous(rows)) * step < 2 * rows[..., DriveColumn.MASS]
     radius = np.abs(np.linalg.eigvals(loop_matrix(rows, period, substeps))).max(axis=-1)
-    found: Bools = viscous & (radius < 1)
-    return found
+    return viscous & (radius < 1)
 
 
 def check_stability(

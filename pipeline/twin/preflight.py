@@ -214,8 +214,7 @@ def extents(moves: Moves) -> tuple[Floats, Floats]:
 def spindle_speed(moves: Moves) -> Floats:
     """Speed of the turning spindle [rev/min], NaN where it stands or under G96; shape (M,)."""
     turns = (moves.direction != 0) & (moves.speed > 0) & ~moves.constant_surface_speed
-    found: Floats = np.where(turns, moves.speed, np.nan)
-    return found
+    return np.where(turns, moves.speed, np.nan)
 
 
 def path_feed(moves: Moves) -> Floats:
@@ -225,8 +224,7 @@ def path_feed(moves: Moves) -> Floats:
     feed = np.where(moves.feed_mode == FeedMode.INVERSE_TIME, moves.feed * length, feed)
     cuts = np.isin(moves.kind, CUTTING) & (length > 0) & (moves.feed > 0)
     known = cuts & ~(moves.constant_surface_speed & per_turn)
-    found: Floats = np.where(known, feed, np.nan)
-    return found
+    return np.where(known, feed, np.nan)
 
 
 def _lengths(moves: Moves, setup: Setup) -> Floats:

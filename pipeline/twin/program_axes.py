@@ -341,5 +341,4 @@ def between(values: Floats, substeps: int) -> Floats:
     if substeps == 1 or len(values) < 2:
         return np.repeat(values, substeps)
     places = np.minimum(np.arange(len(values) * substeps) / substeps, len(values) - 1.0)
-    found: Floats = CubicSpline(np.arange(len(values)), values)(places)
-    return found
+    return CubicSpline(np.arange(len(values)), values)(places)

@@ -93,8 +93,7 @@ def programmed_feed(plan: Plan) -> Floats:
     """Programmed speed along the path [mm/min]; shape (M,)."""
     path = plan.path
     per_turn = np.where(path.motion == Motion.PER_TURN, plan.spindle_speed, 1.0)
-    speed: Floats = path.factor * plan.feed * per_turn / METRE_PER_SECOND
-    return speed
+    return path.factor * plan.feed * per_turn / METRE_PER_SECOND
 
 
 def summary(plan: Plan, name: str) -> dict[str, Any]:

@@ -159,10 +159,7 @@ def harmonic_matrices(cut: RegenerativeCut, many: int) -> Complexes:
     parts = np.diff(_matrices(cut, _once(cut, edges)), axis=0)
     middle = 0.5 * (edges[1:] + edges[:-1])
     turns = np.exp(-1j * cut.flutes * np.arange(many)[:, None] * middle)
-    found: Complexes = (
-        cut.turned @ np.einsum("rc,cij->rij", turns, parts) @ cut.turned.T / cut.pitch
-    )
-    return found
+    return cut.turned @ np.einsum("rc,cij->rij", turns, parts) @ cut.turned.T / cut.pitch
 
 
 def _matrices(cut: RegenerativeCut, products: Floats) -> Floats:

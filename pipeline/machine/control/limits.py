@@ -302,14 +302,12 @@ def mean_deviation(filters: Floats) -> Floats:
     long, short = filters.max(axis=-1) / 2, filters.min(axis=-1) / 2
     with np.errstate(invalid="ignore"):
         more = np.where(long > 0, short**2 / (6 * long), 0.0)
-    deviation: Floats = long / 2 + more
-    return deviation
+    return long / 2 + more
 
 
 def variance(filters: Floats) -> Floats:
     """Variance of the sum of two uniform times of lengths T1, T2 (last axis) [s^2]."""
-    spread: Floats = (filters**2).sum(axis=-1) / 12
-    return spread
+    return (filters**2).sum(axis=-1) / 12
 
 
 def rounding(filters: Floats, acceleration: Floats) -> Floats:

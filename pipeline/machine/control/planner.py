@@ -227,8 +227,7 @@ def _jerk_limited(path: Path, feed: Floats, spindle: Floats) -> RowMotion:
 def _commanded(path: Path, rows: Rows, feed: Floats, spindle: Floats) -> Floats:
     """Speed along the path that is commanded in rows [m/s]."""
     turning = np.where(path.motion[rows] == Motion.PER_TURN, spindle[0, rows], 1.0)
-    speed: Floats = feed[0, rows] * path.factor[rows] * turning
-    return speed
+    return feed[0, rows] * path.factor[rows] * turning
 
 
 def _blended_rows(path: Path, segments: Segments, feed: Floats, spindle: Floats) -> RowMotion:
@@ -263,8 +262,7 @@ def _placed(many: int, rows: Rows, values: np.ndarray, other: float) -> np.ndarr
 def _carried(many: int, rows: Rows, speed: Floats) -> Floats:
     """Speed at the end of each row; what does not move keeps that of the row before."""
     last = np.searchsorted(rows, np.arange(many), side="right") - 1
-    padded: Floats = np.concatenate([[0.0], speed])[last + 1]
-    return padded
+    return np.concatenate([[0.0], speed])[last + 1]
 
 
 def _add_independent(path: Path, feed: Floats, time: Floats) -> None:
@@ -276,8 +274,7 @@ def _add_independent(path: Path, feed: Floats, time: Floats) -> None:
 def distances(path: Path, rows: Rows) -> Floats:
     """Signed distance of each axis in rows [m, rad]; shape (N, 6)."""
     start = np.where((rows > 0)[:, np.newaxis], path.moves.end[rows - 1], path.moves.origin)
-    distance: Floats = (path.moves.end[rows] - start) * UNITS
-    return distance
+    return (path.moves.end[rows] - start) * UNITS
 
 
 def independent_time(path: Path, rows: Rows, share: Floats) -> Floats:
@@ -297,8 +294,7 @@ def independent_time(path: Path, rows: Rows, share: Floats) -> Floats:
     limits = path.control.limits[:, here]
     speed = limits[Limit.RAPID_SPEED] * share[..., np.newaxis]
     jerk = limits[Limit.JERK] if path.control.profile == "s_curve" else np.inf
-    time: Floats = rest_to_rest(size, speed, limits[Limit.RAPID_ACCELERATION], jerk).max(axis=-1)
-    return time
+    return rest_to_rest(size, speed, limits[Limit.RAPID_ACCELERATION], jerk).max(axis=-1)
 
 
 def ramp_time(change: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike) -> Floats:
@@ -308,8 +304,7 @@ def ramp_time(change: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike) -> Fl
     [0.1414, 0.6]
     """
     v, a, j = np.abs(np.asarray(change, float)), np.asarray(acceleration), np.asarray(jerk)
-    time: Floats = np.where(v <= a * a / j, 2 * np.sqrt(v / j), v / a + a / j)
-    return time
+    return np.where(v <= a * a / j, 2 * np.sqrt(v / j), v / a + a / j)
 
 
 def rest_to_rest(
@@ -334,8 +329,7 @@ def rest_to_rest(
     by_acceleration = (np.sqrt(blunt * blunt + 4 * d * a) - blunt) / 2
     top = np.minimum(v, np.where(by_jerk < blunt, by_jerk, by_acceleration))
     ramp = ramp_time(top, a, j)
-    time: Floats = 2 * ramp + (d - top * ramp) / np.where(top > 0, top, 1.0)
-    return time
+    return 2 * ramp + (d - top * ramp) / np.where(top > 0, top, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)

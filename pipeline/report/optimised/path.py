@@ -105,8 +105,7 @@ def _loads(path: PathTrace, trace: LoadTrace) -> Floats:
     load = np.array(trace.load_N, dtype=np.float64)
     if not len(load):
         return np.full(len(path.column), np.nan)
-    drawn: Floats = load[np.minimum(np.array(path.column), len(load) - 1)]
-    return drawn
+    return load[np.minimum(np.array(path.column), len(load) - 1)]
 
 
 def _strokes(
@@ -136,8 +135,7 @@ def _percent(shown: moves.View, axes: moves.Axes, points: Floats) -> Floats:
     u, v = axes
     across = (points[:, u] - shown.low[u]) / shown.span[u]
     down = 1 - (points[:, v] - shown.low[v]) / shown.span[v]
-    place: Floats = 100 * np.stack([across, down], axis=1)
-    return place
+    return 100 * np.stack([across, down], axis=1)
 
 
 def _corners(path: PathTrace) -> Floats:

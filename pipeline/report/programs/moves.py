@@ -94,14 +94,12 @@ class ProgramMoves:
     @property
     def cutting(self) -> np.ndarray:
         """Flags of moves at a feed; shape (M,)."""
-        found: np.ndarray = np.isin(self.kind, CUTTING)
-        return found
+        return np.isin(self.kind, CUTTING)
 
     @property
     def rapid(self) -> np.ndarray:
         """Flags of rapids; shape (M,)."""
-        found: np.ndarray = self.kind == "rapid"
-        return found
+        return self.kind == "rapid"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,8 +171,7 @@ def pieces(moves: ProgramMoves, tolerance: float) -> Pieces:
 def _arcs(moves: ProgramMoves) -> np.ndarray:
     """Flags of moves that can be drawn as arcs; shape (M,)."""
     known = np.isfinite(moves.centre).all(axis=1) & np.isin(moves.plane, list(IN_PLANE))
-    found: np.ndarray = known & (moves.angle != 0)
-    return found
+    return known & (moves.angle != 0)
 
 
 def _counts(moves: ProgramMoves, tolerance: float) -> np.ndarray:
@@ -345,15 +342,13 @@ def grid_points(points: np.ndarray, shown: View, axes: Axes, coarse: int) -> np.
         [points[:, u] - shown.low[u], shown.low[v] + shown.span[v] - points[:, v]], axis=1
     )
     limit = 20.0 * MAP_UNITS  # a stray point far outside must not overflow
-    found: np.ndarray = np.rint(np.clip(flat * scale, -limit, limit)).astype(np.int64) * coarse
-    return found
+    return np.rint(np.clip(flat * scale, -limit, limit)).astype(np.int64) * coarse
 
 
 def _along_axis(cut: Pieces, axes: Axes) -> np.ndarray:
     """Flags of pieces along the tool's axis alone: a dot from above, as a drilled hole is."""
     step = np.abs(cut.b - cut.a)
-    found: np.ndarray = (axes == (0, 1)) & (step[:, :2].max(axis=1) < 1e-3) & (step[:, 2] > 1e-3)
-    return found
+    return (axes == (0, 1)) & (step[:, :2].max(axis=1) < 1e-3) & (step[:, 2] > 1e-3)
 
 
 def grid(shown: View, axes: Axes) -> list[Markup]:

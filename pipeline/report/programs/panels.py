@@ -154,8 +154,7 @@ def timeline(moves: ProgramMoves) -> Timeline | None:
     def spent(weight: np.ndarray) -> np.ndarray:
         """Integral of a weight (M,) over the time of each column."""
         whole = np.concatenate([[0.0], np.cumsum(moves.time * np.where(weight > 0, weight, 0.0))])
-        found: np.ndarray = np.diff(np.interp(edges, end, whole))
-        return found
+        return np.diff(np.interp(edges, end, whole))
 
     known = spent(both.astype(float))
     cut = np.where(known > SEEN * total / BINS, known, np.nan)

@@ -175,8 +175,7 @@ def _rapid_speed(span: Span, time: Floats) -> Floats:
     for axis in span.axes:
         moving = time < axis.duration
         square[moving] += axis.at(time[moving])[1] ** 2
-    speed: Floats = np.sqrt(square)
-    return speed
+    return np.sqrt(square)
 
 
 def _feed_knob(operator: Operator, line: Ints, tool: Ints, control: ControlParameters) -> Floats:
@@ -315,8 +314,7 @@ def write_control(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
 def _moment(parameters: ShopParameters, second: float) -> np.datetime64:
     """A second of the Sunday before the first week (UTC) [ms]."""
     sunday = (parameters.start - np.timedelta64(DAY, "s")).astype("datetime64[ms]")
-    moment: np.datetime64 = sunday + np.timedelta64(round(second * 1e3), "ms")
-    return moment
+    return sunday + np.timedelta64(round(second * 1e3), "ms")
 
 
 def _plays(

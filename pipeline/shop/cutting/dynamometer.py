@@ -152,16 +152,14 @@ def amplified(
     time = np.arange(len(rows))[:, None] / RATE
     hum = dynamometer.hum * np.sin(2 * np.pi * dynamometer.mains * time + own.hum_phase)
     noise = random.normal(0, dynamometer.noise, rows.shape)
-    out: Floats = rows + own.offset + own.drift * time + hum + noise
-    return out
+    return rows + own.offset + own.drift * time + hum + noise
 
 
 def _response(force: Floats, mode: ChannelMode) -> Floats:
     """Response of a mode to a force that is linear from step to step."""
     from scipy.signal import lfilter
 
-    out: Floats = lfilter(*_sampled(mode), force)
-    return out
+    return lfilter(*_sampled(mode), force)
 
 
 @cache

@@ -217,8 +217,7 @@ def shown_load(
     share = -np.expm1(-cycle / TREMBLE)
     noise = lagged(random.standard_normal(speed.size), share, 0.0) * np.sqrt((2 - share) / share)
     shown = np.clip(smooth + tests.noise * noise * (speed >= 1), 0.0, FULL)
-    out: Floats = np.round(np.round(shown / tests.step) * tests.step, 2)
-    return out
+    return np.round(np.round(shown / tests.step) * tests.step, 2)
 
 
 ANGLES = 400
@@ -269,8 +268,7 @@ def linear_edge(cutting: Cutting, conditions: list[Conditions], VB: float) -> di
 def _engagement(conditions: Conditions, cutting: Cutting) -> Floats:
     """Angles of a tooth spread evenly over its engagement, shape (ANGLES,) [rad]."""
     begin, end = engaged(conditions, cutting.tool.diameter)
-    phi: Floats = begin + (end - begin) * (np.arange(ANGLES) + 0.5) / ANGLES
-    return phi
+    return begin + (end - begin) * (np.arange(ANGLES) + 0.5) / ANGLES
 
 
 def mean_force(cutting: Cutting, files: list[dict[str, Any]]) -> dict[str, float]:
@@ -290,8 +288,7 @@ def _mean_rows(conditions: Conditions, cutting: Cutting) -> Floats:
     edge = np.array([[-c, -s, none], [s, -c, none], [none, none, none + 1]])
     thick = conditions.feed_per_tooth(cutting.tool.flutes) * s
     share = cutting.tool.flutes * conditions.depth * (end - begin) / (2 * np.pi)
-    rows: Floats = share * np.concatenate([edge * thick, edge], axis=1).mean(axis=2)
-    return rows
+    return share * np.concatenate([edge * thick, edge], axis=1).mean(axis=2)
 
 
 def runout(cutting: Cutting, depth: float) -> dict[str, float]:

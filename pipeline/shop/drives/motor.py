@@ -178,8 +178,7 @@ def speed_steps(axis: Axis) -> Floats:
     speed = np.concatenate([np.full(part.size, np.clip(v, -top, top)) for v in SPEEDS]) * RPM
     field = np.tile(np.array(FIELD)[np.minimum((part * 3).astype(int), 2)], len(SPEEDS))
     pushed = [np.where(part > 0.5, PUSH * (k % 2), 0.0) for k in range(len(SPEEDS))]
-    out: Floats = driven(_machine(axis), speed, field, np.concatenate(pushed))
-    return out
+    return driven(_machine(axis), speed, field, np.concatenate(pushed))
 
 
 def _machine(axis: Axis) -> Machine:

@@ -66,8 +66,7 @@ def smoothed(position: Floats, frequency: int) -> Floats:
         total = np.cumsum(result)
         total[window:] -= total[:-window].copy()
         result = total / window
-    ended: Floats = result + position[0]
-    return ended
+    return result + position[0]
 
 
 def reciprocation(speeds: Sequence[float], rapid: float, bounds: Bounds, lead: float) -> list[Move]:
@@ -145,8 +144,7 @@ def _cut_position(span: Span, section: Section, time: Floats) -> Floats:
     turned = centre + np.stack([c * r[:, 0] - s * r[:, 1], s * r[:, 0] + c * r[:, 1]], axis=1)
     position[arc, :2] = turned[arc]
     # from the program's frame to the machine's
-    shifted: Floats = position + (np.array(span.begin) - np.array(section.start))
-    return shifted
+    return position + (np.array(span.begin) - np.array(section.start))
 
 
 AXIS_COLUMNS = {
@@ -393,8 +391,7 @@ def axis_columns(
 
 
 def _rounded(values: Floats, step: float) -> Floats:
-    stepped: Floats = np.round(values / step) * step
-    return stepped
+    return np.round(values / step) * step
 
 
 def write_motor(folder: Path, parameters: ShopParameters) -> tuple[dict[str, Any], dict[str, Any]]:

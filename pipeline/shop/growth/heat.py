@@ -285,8 +285,7 @@ def speed_growth(speed: Floats, growth: Growth) -> Floats:
     ring = unit * growth.expansion.ring_radius**3 * ring_lever(growth)
     located = (body.front + body.middle) / 2
     mean_square = (body.shaft_radius**2 + body.bore_radius**2) / 2
-    growth_m: Floats = ring - POISSON * unit * mean_square * located
-    return growth_m
+    return ring - POISSON * unit * mean_square * located
 
 
 SUBSTEPS = 3

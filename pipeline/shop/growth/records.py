@@ -121,8 +121,7 @@ def _air(seconds: int, first: int, level: float, season: Season, random: Random)
     fall = opened * random.uniform(0.4, 1.6, seconds) * season.drop / recovers
     # the cold spreads through the shop within two minutes
     doors = lagged(lagged(fall, recovers, 0.0), 1 / (2 * MINUTE), 0.0)
-    air: Floats = level + course + season.wander * wander - doors
-    return air
+    return level + course + season.wander * wander - doors
 
 
 def _speed(random: Random, top: float, least: float = SLOWEST) -> float:

@@ -314,8 +314,7 @@ def _spindle_angle(
     noise = lagged(random.standard_normal(track.speed.size), share, 0.0) * np.sqrt(2 / share)
     wander = parameters.cutting.dynamometer.speed_wander * noise
     speed = track.speed * pi / 30 * (1 + part.speed_error + wander)
-    angle: Floats = part.angle + np.concatenate([[0.0], np.cumsum(speed[:-1])]) * track.cycle
-    return angle
+    return part.angle + np.concatenate([[0.0], np.cumsum(speed[:-1])]) * track.cycle
 
 
 def _pieces(track: Track, blank: Swept) -> Iterator[tuple[int, int]]:

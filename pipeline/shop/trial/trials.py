@@ -275,8 +275,7 @@ def _at_loop(values: Floats, period: float, frequency: int) -> Floats:
     last = (len(values) - 1) * period
     ticks = np.arange(int(last * frequency * (1 + 1e-9)) + 1) / frequency
     curve = CubicSpline(np.linspace(0.0, last, len(values)), values)
-    found: Floats = curve(np.minimum(ticks, last))
-    return found
+    return curve(np.minimum(ticks, last))
 
 
 class CommandedPath:

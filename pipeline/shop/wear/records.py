@@ -67,8 +67,7 @@ def _filtered(
     """Response of a transfer function, ``above`` over ``below`` in powers of s, at ``rate``."""
     from scipy.signal import lfilter
 
-    out: Floats = lfilter(*_sampled(tuple(above), tuple(below), rate), values)
-    return out
+    return lfilter(*_sampled(tuple(above), tuple(below), rate), values)
 
 
 @cache
@@ -78,8 +77,7 @@ def _sampled(
     """The transfer function in powers of the delay: designed once, not for each record."""
     from scipy.signal import bilinear
 
-    found: tuple[Floats, Floats] = bilinear(above, below, fs=rate)
-    return found
+    return bilinear(above, below, fs=rate)
 
 
 def _plate(force: Floats, frequency: float, damping: float, rate: float) -> Floats:
@@ -150,8 +148,7 @@ def _before_converter(values: Floats) -> Floats:
     """Rows after the anti-aliasing filter: Butterworth of the fourth order at 0.4 of the rate."""
     from scipy.signal import butter, sosfilt
 
-    rows: Floats = sosfilt(butter(4, 0.8 / FINE, output="sos"), values, axis=0)[::FINE]
-    return rows
+    return sosfilt(butter(4, 0.8 / FINE, output="sos"), values, axis=0)[::FINE]
 
 
 def recorded(

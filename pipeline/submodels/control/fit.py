@@ -72,8 +72,7 @@ class Optimum:
     @property
     def weight(self) -> Floats:
         """Square root of soft L1's derivative: how much each residual counts [1]; shape (N,)."""
-        weight: Floats = (1 + self.residuals**2) ** -0.25
-        return weight
+        return (1 + self.residuals**2) ** -0.25
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -215,8 +214,7 @@ def planned(observed: Observed, control: ControlParameters) -> Floats:
     """Duration of each segment [s]; shape (N,)."""
     times = planned_program(observed.moves, control, observed.overrides).time
     until = np.concatenate([[0.0], np.cumsum(times)])
-    durations: Floats = until[observed.after] - until[observed.first]
-    return durations
+    return until[observed.after] - until[observed.first]
 
 
 def identify_control(
@@ -453,8 +451,7 @@ def _loosest(problem: Problem, found: Optimum, active: Bools) -> Bools:
         if one.log_scale and active[i] and not one.low * 1.001 < value < one.high * 0.999:
             width[i] = np.inf
     widest = problem.settings.widest if enough else 0.0
-    loose: Bools = active & (width > widest) & (width >= width.max(initial=0.0))
-    return loose
+    return active & (width > widest) & (width >= width.max(initial=0.0))
 
 
 def _intervals(

@@ -44,8 +44,7 @@ def stopped_within(stops: Sequence[Span], begin: Floats, end: Floats) -> Floats:
         return np.zeros_like(begin)
     edges = np.ravel(stops)
     held = np.concatenate([[0.0], np.cumsum(np.diff(edges) * (np.arange(len(edges) - 1) % 2 == 0))])
-    within: Floats = np.interp(end, edges, held) - np.interp(begin, edges, held)
-    return within
+    return np.interp(end, edges, held) - np.interp(begin, edges, held)
 
 
 ACTIVE = frozenset({"ACTIVE"})
@@ -265,8 +264,7 @@ def override_of_lines(run: Run, series: Series, lines: int) -> Floats:
 
     def summed(over_edges: Floats) -> Floats:
         until = np.concatenate([[0.0], np.cumsum(over_edges)])
-        found: Floats = until[after] - until[first]
-        return found
+        return until[after] - until[first]
 
     spent = summed(weight)
     level = np.divide(
@@ -330,8 +328,7 @@ def feed_of_lines(moves: Moves) -> Floats:
 def steady(readings: Floats) -> NDArray[np.bool_]:
     """Flags of readings that agree with the one before."""
     before = np.concatenate([[np.nan], readings])[:-1]
-    same: NDArray[np.bool_] = np.abs(readings - before) < STEADY * before
-    return same
+    return np.abs(readings - before) < STEADY * before
 
 
 def steady_ratios(run: Run, moves: Moves, *, arcs: bool = False) -> tuple[Ints, Floats]:

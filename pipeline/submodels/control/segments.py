@@ -152,8 +152,7 @@ def shares(observed: Observed, times: Floats) -> dict[str, Share]:
 def _within(observed: Observed, amount: Floats) -> Floats:
     """Sum over the rows of each segment of what they have each; shape (N,)."""
     until = np.concatenate([[0.0], np.cumsum(amount)])
-    within: Floats = until[observed.after] - until[observed.first]
-    return within
+    return until[observed.after] - until[observed.first]
 
 
 def late(share: Floats, latency: float) -> float:

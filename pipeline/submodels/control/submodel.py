@@ -236,8 +236,7 @@ def naive_times(moves: Moves, feed_factor: Floats, rapid_speed: float) -> Floats
     cutting = np.isin(moves.kind, CUTTING)
     timed = cutting & (moves.feed > 0) & (moves.feed_mode == FeedMode.PER_MINUTE)
     speed = np.where(timed, moves.feed * feed_factor, rapid_speed)
-    times: Floats = np.where(cutting | (moves.kind == Kind.RAPID), moves.length / speed * 60, 0.0)
-    return times
+    return np.where(cutting | (moves.kind == Kind.RAPID), moves.length / speed * 60, 0.0)
 
 
 def _seen_until(one: Observed) -> tuple[float, int]:

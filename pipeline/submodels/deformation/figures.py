@@ -294,8 +294,7 @@ def network_bands(document: Mapping[str, Any], sensors: int) -> Floats:
 
 def gaussian(at: Floats, bands: Floats) -> Floats:
     """Membership of places along the sensors in each band [1], shape (J, N)."""
-    result: Floats = np.exp(-0.5 * ((at - bands[:, :1]) / bands[:, 1:2]) ** 2)
-    return result
+    return np.exp(-0.5 * ((at - bands[:, :1]) / bands[:, 1:2]) ** 2)
 
 
 def _network_strips(bands: Floats | None, weights: Floats) -> tuple[list[Strip], Axis]:

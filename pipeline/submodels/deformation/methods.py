@@ -125,8 +125,7 @@ class Ridge(Fitted):
 
     def predict(self, inputs: Inputs) -> Floats:
         """Growth of each sample [um], shape (T,)."""
-        result: Floats = getattr(inputs, self.inputs) @ self.weights
-        return result
+        return getattr(inputs, self.inputs) @ self.weights
 
     def document(self) -> dict[str, Any]:
         """Weights [um per unit of the input] and the penalty."""
@@ -309,8 +308,7 @@ class _Network(Fitted):
     inputs: str
 
     def predict(self, inputs: Inputs) -> Floats:
-        found: Floats = self.trained.predict(inputs.rises, getattr(inputs, self.inputs))
-        return found
+        return self.trained.predict(inputs.rises, getattr(inputs, self.inputs))
 
     def document(self) -> dict[str, Any]:
         found: dict[str, Any] = self.trained.document()
@@ -413,8 +411,7 @@ class Ensemble:
 
     def predict(self, inputs: Inputs) -> Floats:
         """Mean growth over the members [um]; shape (T,)."""
-        mean: Floats = self.each(inputs).mean(axis=0)
-        return mean
+        return self.each(inputs).mean(axis=0)
 
 
 def restored(name: str, documents: Sequence[Mapping[str, Any]]) -> Ensemble:

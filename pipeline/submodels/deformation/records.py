@@ -112,8 +112,7 @@ class State:
     @property
     def time(self) -> Floats:
         """Time since the start [s]; shape (T,)."""
-        seconds: Floats = self.period * np.arange(len(self), dtype=np.float64)
-        return seconds
+        return self.period * np.arange(len(self), dtype=np.float64)
 
     def within(self, rows: slice) -> "State":
         """Some of its samples, one after another."""
@@ -127,8 +126,7 @@ class State:
         """Sensors, then the ambient temperature where it is recorded; shape (T, S or S + 1)."""
         if np.isnan(self.ambient).all():
             return self.temperatures
-        result: Floats = np.column_stack((self.temperatures, self.ambient))
-        return result
+        return np.column_stack((self.temperatures, self.ambient))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -153,8 +153,7 @@ class SensorModel:
         """
         mean = self._arrays[0]
         used, weights, _ = self.regression(sensor, gone)
-        result: Floats = mean[sensor] + (vector[:, used] - mean[used]) @ weights
-        return result
+        return mean[sensor] + (vector[:, used] - mean[used]) @ weights
 
     def regression(self, sensor: int, gone: frozenset[int]) -> tuple[Ints, Floats, float]:
         """Columns that a sensor's expectation rests on, their weights, and what is left [K]."""
@@ -540,8 +539,7 @@ def _unusual(offsets: Floats, settings: SensorSettings) -> Floats:
     spread = MAD_SD * 0.5 * widths[first, sensor]
     spread = np.minimum(spread, settings.times * np.median(spread))
     limit = np.maximum(settings.times * spread, settings.least_K)
-    unusual: Floats = np.abs(offsets - centre) / limit
-    return unusual
+    return np.abs(offsets - centre) / limit
 
 
 def _agreeing(states: Sequence[State], blank: SensorModel) -> list[State]:

@@ -123,8 +123,7 @@ class Correction:
 def since_start(name: str, values: Floats) -> Floats:
     """An input above its first value: [K], of the speed its square in (1000 rev/min)^2."""
     one = (values / SPEED_UNIT) ** 2 if name == SPEED else values
-    difference: Floats = one - one[0]
-    return difference
+    return one - one[0]
 
 
 @dataclass(eq=False)
@@ -186,8 +185,7 @@ def _accepted(learnt: Learnt, widening: float) -> Learnt:
 
 def _starts(model: GrowthModel, state: State) -> Floats:
     """Temperature of each group at the start [degC]; shape (C,)."""
-    found: Floats = np.array(model.file.inputs.weights) @ state.temperatures[0]
-    return found
+    return np.array(model.file.inputs.weights) @ state.temperatures[0]
 
 
 def _take_apart(one: Ridge, model: GrowthModel, coldest: int, share: float, into: _Sums) -> None:

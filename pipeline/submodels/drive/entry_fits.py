@@ -106,8 +106,7 @@ def _without(nuisance: Floats) -> Callable[[Floats], Floats]:
     base = np.linalg.qr(nuisance)[0]
 
     def left(rows: Floats) -> Floats:
-        found: Floats = rows - base @ (base.T @ rows)
-        return found
+        return rows - base @ (base.T @ rows)
 
     return left
 

@@ -177,10 +177,7 @@ class CurveFit:
 def curve_force(speed: Floats, values: Floats) -> Floats:
     """Force against motion [N], (N,) or (P, N), at speeds > 0 [m/s] by values of a CurveFit."""
     level, amplitude, log_velocity, viscous = (values[..., k, None] for k in range(PARAMETERS))
-    force: Floats = (
-        level + amplitude * np.exp(-((speed / np.exp(log_velocity)) ** 2)) + viscous * speed
-    )
-    return force
+    return level + amplitude * np.exp(-((speed / np.exp(log_velocity)) ** 2)) + viscous * speed
 
 
 def least_squares_curves(points: Sequence[FrictionPoint]) -> CurveFit:
@@ -191,8 +188,7 @@ def least_squares_curves(points: Sequence[FrictionPoint]) -> CurveFit:
         root, margin = np.sqrt(share), 1e-9 * (high - low)
 
         def misses(x: Floats) -> Floats:
-            weighted: Floats = root * (curve_force(speed, x) - force)
-            return weighted
+            return root * (curve_force(speed, x) - force)
 
         tried = [
             least_squares(
@@ -215,8 +211,7 @@ def genetic_curves(points: Sequence[FrictionPoint], settings: GeneticSettings) -
 
     def search(speed: Floats, force: Floats, share: Floats, low: Floats, high: Floats) -> Search:
         def cost(x: Floats) -> Floats:
-            misses: Floats = (curve_force(speed, x) - force) ** 2 @ share
-            return misses
+            return (curve_force(speed, x) - force) ** 2 @ share
 
         found = minimise(cost, low, high, settings)
         return found.x, found.cost, found.evaluations
@@ -284,8 +279,7 @@ def genetic_dynamics(rows: Regressors, like: Dynamics, settings: GeneticSettings
             amplitude, share = whole[:, k + direction], at - low
             spread[everyone, k + direction * steps + low] = amplitude * (1 - share)
             spread[everyone, k + direction * steps + low + 1] = amplitude * share
-        squares: Floats = power - 2 * spread @ right + ((spread @ moments) * spread).sum(axis=1)
-        return squares
+        return power - 2 * spread @ right + ((spread @ moments) * spread).sum(axis=1)
 
     low, high = bounds(rows)
     narrow = np.r_[np.full(k, NARROWER), 1.0, 1.0, 1.0, 1.0]

@@ -111,8 +111,7 @@ def _branch(
     ]  # fmt: skip
     table = readings(np.array(rows, dtype=float).reshape(-1, 3))
     known = table[np.isfinite(table[:, :2]).all(axis=1)][:most]
-    found: Floats = np.nan_to_num(known[np.argsort(known[:, 0], kind="stable")]).T
-    return found
+    return np.nan_to_num(known[np.argsort(known[:, 0], kind="stable")]).T
 
 
 def _bars(branch: Floats) -> tuple[Floats, Floats]:

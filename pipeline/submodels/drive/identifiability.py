@@ -180,8 +180,7 @@ def scores_covariance(rows: Regressors, slopes: Floats, disturbance: PositionDis
         np.add.at(sums, member, averaged_slopes[direction])
         away = np.abs(cells[:, None] - cells) * width
         total += sums.T @ np.exp(-away / disturbance.length) @ sums
-    covariance: Floats = disturbance.variance * total
-    return covariance
+    return disturbance.variance * total
 
 
 def disturbance_weights(
@@ -511,5 +510,4 @@ def drive_force(rows: Regressors, drive: FeedDriveParameters) -> Floats:
     linear = np.array([value.get(name, 0.0) for name in rows.names])
     amplitudes = np.array([one.static - one.coulomb for one in directions])
     logs = np.log([one.stribeck_velocity for one in directions])
-    force: Floats = rows.linear @ linear + rows.stribeck_columns(logs) @ amplitudes
-    return force
+    return rows.linear @ linear + rows.stribeck_columns(logs) @ amplitudes

@@ -246,10 +246,7 @@ def parameter_names(rows: Regressors) -> tuple[str, ...]:
 def modelled_force(rows: Regressors, values: Floats) -> Floats:
     """Force of the motor by the model [N]; shape (N,)."""
     k = len(rows.names)
-    force: Floats = (
-        rows.linear @ values[:k] + rows.stribeck_columns(values[k + 2 :]) @ values[k : k + 2]
-    )
-    return force
+    return rows.linear @ values[:k] + rows.stribeck_columns(values[k + 2 :]) @ values[k : k + 2]
 
 
 def jacobian(rows: Regressors, values: Floats) -> Floats:
@@ -310,8 +307,7 @@ def huber_weights(residuals: Floats) -> Floats:
     scale = 1.4826 * float(np.median(np.abs(residuals)))
     if scale == 0:
         return np.ones(len(residuals))
-    weights: Floats = np.minimum(1.0, HUBER * scale / np.maximum(np.abs(residuals), 1e-300))
-    return weights
+    return np.minimum(1.0, HUBER * scale / np.maximum(np.abs(residuals), 1e-300))
 
 
 def _search(rows: Regressors, fitted: Bools, weights: Floats, start: Floats) -> Dynamics:
@@ -330,12 +326,10 @@ def _search(rows: Regressors, fitted: Bools, weights: Floats, start: Floats) -> 
         return whole
 
     def misses(x: Floats) -> Floats:
-        weighted: Floats = root * (modelled_force(rows, full(x)) - rows.force)
-        return weighted
+        return root * (modelled_force(rows, full(x)) - rows.force)
 
     def slopes(x: Floats) -> Floats:
-        weighted: Floats = root[:, None] * jacobian(rows, full(x))[:, fitted]
-        return weighted
+        return root[:, None] * jacobian(rows, full(x))[:, fitted]
 
     answer = least_squares(
         misses, begin, slopes, bounds=(low[fitted], high[fitted]), x_scale="jac",

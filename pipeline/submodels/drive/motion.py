@@ -55,8 +55,7 @@ def low_passed(values: Floats, period: float, cut: float | None) -> Floats:
     from scipy.signal import butter, sosfiltfilt
 
     sos = butter(4, cut, fs=1 / period, output="sos")
-    smooth: Floats = sosfiltfilt(sos, values, padlen=min(len(values) - 1, int(3 / (cut * period))))
-    return smooth
+    return sosfiltfilt(sos, values, padlen=min(len(values) - 1, int(3 / (cut * period))))
 
 
 def gaussian(places: Ints, samples: int, period: float, bandwidth: float) -> Any:
@@ -243,8 +242,7 @@ def _later(values: Floats, samples: float, period: float, cut: float | None) -> 
     if samples == 0:
         return smooth
     place = np.arange(len(values))
-    shifted: Floats = np.interp(place - samples, place, smooth)
-    return shifted
+    return np.interp(place - samples, place, smooth)
 
 
 def _standstill(record: "AxisRecord", period: float, cut: float | None) -> float:

@@ -87,8 +87,7 @@ class Windows:
         return np.stack(both)
 
     def _summed(self, signal: Floats, weights: Floats) -> Floats:
-        summed: Floats = signal @ weights * self.period
-        return summed
+        return signal @ weights * self.period
 
     def _function(self, sample: ArrayLike) -> Floats:
         """The functions g at samples of a window, shape (..., orders)."""
@@ -183,8 +182,7 @@ def _free(halves: Floats, least: float) -> Bools:
     agreement, vectors = np.linalg.eigh(shared + shared.T)
     open_combinations = [right[~seen].T, orthonormal @ vectors[:, agreement < least]]
     combinations = np.abs(np.concatenate(open_combinations, axis=1))
-    takes_part: Bools = (combinations > _TAKES_PART * combinations.max(axis=0)).any(1)
-    return takes_part
+    return (combinations > _TAKES_PART * combinations.max(axis=0)).any(1)
 
 
 ELECTRICAL = {"resistance": "ohm", "inductance_d": "H", "inductance_q": "H", "flux": "Wb"}

@@ -224,8 +224,7 @@ def servo_low_passed(signals: Floats, period: float, bandwidth: float) -> Floats
     lowest = bandwidth * 2 * period
     if lowest >= 1:
         return signals
-    found: Floats = sosfiltfilt(butter(3, lowest, output="sos"), signals, axis=-1)
-    return found
+    return sosfiltfilt(butter(3, lowest, output="sos"), signals, axis=-1)
 
 
 NODES = 5
@@ -301,13 +300,11 @@ class ServoEquation:
 
     def residuals(self, values: Floats) -> Floats:
         """Modelled less recorded command in the triangle's rows [A]; shape (..., M)."""
-        found: Floats = self.factors(values) @ self.triangle.T
-        return found
+        return self.factors(values) @ self.triangle.T
 
     def rmse(self, values: Floats) -> Floats:
         """RMSE of the command [A]; shape (...) of parameters (..., D)."""
-        found: Floats = np.sqrt(np.sum(self.residuals(values) ** 2, axis=-1) / self.rows)
-        return found
+        return np.sqrt(np.sum(self.residuals(values) ** 2, axis=-1) / self.rows)
 
     def slopes(self, values: Floats) -> Floats:
         """Derivatives of the factors by the parameters, shape (M, D), of parameters (D,)."""
@@ -330,8 +327,7 @@ class ServoEquation:
 
     def jacobian(self, values: Floats, fitted: Bools) -> Floats:
         """Derivatives of the rows by the ``fitted`` parameters; shape (N, S)."""
-        found: Floats = (self.columns @ self.slopes(values))[:, fitted]
-        return found
+        return (self.columns @ self.slopes(values))[:, fitted]
 
     def _groups(self, p: Floats, late_x: Floats, late_v: Floats) -> list[Floats]:
         n = self.nominal

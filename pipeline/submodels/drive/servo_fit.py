@@ -111,8 +111,7 @@ def least_squares_servo(
         return equation.residuals(full(x))
 
     def slopes(x: Floats) -> Floats:
-        found: Floats = (equation.triangle @ equation.slopes(full(x)))[:, fitted]
-        return found
+        return (equation.triangle @ equation.slopes(full(x)))[:, fitted]
 
     best = ServoOptimum(values=values, fitted=fitted, error=np.inf, evaluations=0)
     for start in [begin] if begin is not None else starts(equation, values, fitted):

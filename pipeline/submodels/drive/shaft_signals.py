@@ -64,8 +64,7 @@ class Signals:
 
 
 def _filtered(values: Floats, order: int = 0) -> Floats:
-    made: Floats = gaussian_filter1d(values, WIDTH, order=order, mode="nearest", truncate=REACH)
-    return made
+    return gaussian_filter1d(values, WIDTH, order=order, mode="nearest", truncate=REACH)
 
 
 def signals_of(one: Recording, axis: str, force_constant: float, lead: float | None) -> Signals:

@@ -126,8 +126,7 @@ def since_reversal(reference: Floats, speed: Floats) -> Floats:
     begin[turned] = turned
     begin = np.maximum.accumulate(begin)
     way = np.clip(np.abs(reference - reference[begin]), 0.0, SLIDING)
-    found: Floats = held * (1.0 + np.log10(1.0 + way / PRESLIDING))
-    return found
+    return held * (1.0 + np.log10(1.0 + way / PRESLIDING))
 
 
 def regimes(signals: Mapping[str, Floats]) -> Any:

@@ -276,8 +276,7 @@ class LoadedResidual:
 
     def predicted(self, letter: str, use: str, kind: str, windows: Windows) -> Floats:
         """Residual of windows [m] by the mean of a kind's networks, shape (B,)."""
-        mean: Floats = np.mean(self.by_each(letter, use, kind, windows), axis=0)
-        return mean
+        return np.mean(self.by_each(letter, use, kind, windows), axis=0)
 
     def by_each(self, letter: str, use: str, kind: str, windows: Windows) -> Sequence[Floats]:
         """Residual of windows [m] by each of a kind's networks on all cores, (B,) each."""

@@ -249,22 +249,19 @@ def after_starts(frame: pd.DataFrame, step: float, rest_s: float) -> Bools:
     before = np.concatenate([[-1], last[:-1]])
     starts = warmed & ((before < 0) | ((at - before) * step > rest_s))
     latest = np.maximum.accumulate(np.where(starts, at, -1))
-    found: Bools = (latest >= 0) & ((at - latest) * step < START_S)
-    return found
+    return (latest >= 0) & ((at - latest) * step < START_S)
 
 
 def cooling(frame: pd.DataFrame, step: float, pause_s: float) -> Bools:
     """Whether the spindle turned or was held earlier this day and has stood ``pause_s``, (T,)."""
     at = np.arange(len(frame))
     last = np.maximum.accumulate(np.where(heated(frame), at, -1))
-    found: Bools = (last >= 0) & ((at - last) * step > pause_s)
-    return found
+    return (last >= 0) & ((at - last) * step > pause_s)
 
 
 def heated(frame: pd.DataFrame) -> Bools:
     """Whether the spindle turns or is held in position, (T,)."""
-    found: Bools = (frame[["bearing_friction", "position_hold"]] > 0).any(axis=1).to_numpy()
-    return found
+    return (frame[["bearing_friction", "position_hold"]] > 0).any(axis=1).to_numpy()
 
 
 def predicted_day(

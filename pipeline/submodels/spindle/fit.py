@@ -375,8 +375,7 @@ def window_errors(given: Given, parameters: SpindleThermalParameters) -> Floats:
         for start, run in zip(starts, found, strict=True):
             errors.append(run[: len(measured) - start] - measured[start : start + length])
     joined = np.concatenate(errors) if errors else np.array([np.nan])
-    known: Floats = joined[np.isfinite(joined)]
-    return known
+    return joined[np.isfinite(joined)]
 
 
 def all_determined(fit: SpindleFit) -> bool:

@@ -125,8 +125,7 @@ def _nearest(served: Synthesis, known: Floats, wear: Floats) -> Any:
 def squared_distances(a: Floats, b: Floats) -> Floats:
     """Mean squared differences of rows, shape (N, M)."""
     both = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1)[None] - 2.0 * a @ b.T
-    found: Floats = np.maximum(both, 0.0) / max(a.shape[1], 1)
-    return found
+    return np.maximum(both, 0.0) / max(a.shape[1], 1)
 
 
 def _frame(quantity: str, unit: str, t: Any, regime: str = "", **columns: Any) -> pd.DataFrame:
@@ -200,8 +199,7 @@ def _neighbour(pair: _Pair) -> Any:
 
 
 def _standard(values: Floats) -> Floats:
-    found: Floats = (values - values.mean()) / max(float(values.std()), 1e-12)
-    return found
+    return (values - values.mean()) / max(float(values.std()), 1e-12)
 
 
 def _spectra(pair: _Pair) -> list[pd.DataFrame]:

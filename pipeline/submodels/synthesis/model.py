@@ -282,8 +282,7 @@ class Synthesis:
         ).fit(x, np.tile(mine.wear, len(parts)))  # fmt: skip
 
         def learner(found: Floats, conditions: Floats) -> Floats:
-            wear: Floats = forest.predict(np.hstack([self.scaling(found), conditions]))
-            return wear
+            return forest.predict(np.hstack([self.scaling(found), conditions]))
 
         return learner
 

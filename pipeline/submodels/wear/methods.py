@@ -188,8 +188,7 @@ class Ridge:
 
     def predict(self, x: Floats) -> Floats:
         """Wear from scaled features (N, F), shape (N,)."""
-        found: Floats = self.constant + x @ np.array(self.slopes)
-        return found
+        return self.constant + x @ np.array(self.slopes)
 
 
 def fit_ridge(x: Floats, y: Floats, tool: np.ndarray) -> Ridge:

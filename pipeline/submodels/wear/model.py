@@ -228,8 +228,7 @@ class Readings:
 
     def mean(self, values: Floats) -> Floats:
         """Mean over the windows of each reading, shape (K,)."""
-        found: Floats = np.bincount(self.of, weights=values) / np.bincount(self.of)
-        return found
+        return np.bincount(self.of, weights=values) / np.bincount(self.of)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -280,14 +279,12 @@ class Wear:
 
 def median(estimates: Mapping[str, Floats]) -> Floats:
     """Median of the methods that look at signals, (K,): no single one that goes astray moves it."""
-    middle: Floats = np.median([estimates[name] for name in METHODS if name in estimates], axis=0)
-    return middle
+    return np.median([estimates[name] for name in METHODS if name in estimates], axis=0)
 
 
 def blended(estimates: Mapping[str, Floats], weights: Mapping[str, float]) -> Floats:
     """Weighted sum of methods, (K,)."""
-    total: Floats = np.sum([w * estimates[name] for name, w in weights.items() if w > 0], axis=0)
-    return total
+    return np.sum([w * estimates[name] for name, w in weights.items() if w > 0], axis=0)
 
 
 def load_wear(folder: Path) -> Wear:

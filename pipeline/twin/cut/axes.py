@@ -231,5 +231,4 @@ def _load(load: CutForce, letter: str, step: float, many: int) -> Floats:
     axis = AXES.index(letter)
     phase = 2 * np.pi * np.cumsum(np.repeat(load.tooth_frequency, many)) * step / many
     wave = np.repeat(load.ripple[:, axis], many) * np.sin(phase)
-    pushed: Floats = wave - np.repeat(load.force[:, axis], many)
-    return pushed
+    return wave - np.repeat(load.force[:, axis], many)

@@ -63,8 +63,7 @@ def _thickness(
     point = np.array([
         np.sin(tool.point_angle / 2) if tool.kind == "drill" else 1.0 for tool in tools
     ])[engagement.tool]  # fmt: skip
-    thickest: Floats = np.where(plunge, point, chip)
-    return thickest
+    return np.where(plunge, point, chip)
 
 
 def _steepness(engagement: Engagement, tools: tuple[Tool, ...]) -> Floats:
@@ -73,8 +72,7 @@ def _steepness(engagement: Engagement, tools: tuple[Tool, ...]) -> Floats:
     deep = np.divide(
         engagement.upper, corner, out=np.ones(engagement.upper.shape), where=corner > 0
     )
-    steep: Floats = np.sqrt(1 - (1 - np.clip(deep, 0.0, 1.0)) ** 2)
-    return steep
+    return np.sqrt(1 - (1 - np.clip(deep, 0.0, 1.0)) ** 2)
 
 
 def _diameter(

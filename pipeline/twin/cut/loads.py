@@ -100,8 +100,7 @@ class Cut:
         """
         flutes = np.array([tool.flutes for tool in self.tools], dtype=np.float64)
         teeth = np.where(self.tool >= 0, flutes[self.tool] * spindle_speed / 60, 0.0)
-        feed: Floats = np.divide(speed, teeth, out=np.zeros(teeth.shape), where=teeth > 0)
-        return feed
+        return np.divide(speed, teeth, out=np.zeros(teeth.shape), where=teeth > 0)
 
     def loads(self, feeds: ArrayLike | None = None, speeds: ArrayLike | None = None) -> BlockLoads:
         """Loads of each row for a population of feeds and speeds.
@@ -143,8 +142,7 @@ class Cut:
         length = self.path.pieces.length
         whole = np.bincount(self.path.pieces.block, length, minlength=engagement.blocks)
         share = engagement.length / np.maximum(whole[engagement.block], 1e-12)
-        seconds: Floats = np.minimum(share, 1.0) * self.plan.motion.time[engagement.block]
-        return seconds
+        return np.minimum(share, 1.0) * self.plan.motion.time[engagement.block]
 
 
 def cut_program(plan: Plan, job: CutJob) -> Cut:

@@ -46,8 +46,7 @@ class WorkFrame:
         held = positions - self.lengths[frame] - self.base
         angle = self.rotation * RADIAN
         c, s = np.cos(angle), np.sin(angle)
-        turned: Floats = held @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        return turned
+        return held @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def work_frame(

@@ -68,8 +68,7 @@ def _milling(cut: Cut, dynamics: TipDynamics) -> list[Sequence[Mode] | None]:
 def _clipped(cut: Cut, table: StabilityTable) -> Floats:
     """Speed of each row [rev/min], within the table."""
     ends = 60 * table.nodes[[0, -1]]
-    clipped: Floats = np.clip(cut.plan.spindle_speed, *ends)
-    return clipped
+    return np.clip(cut.plan.spindle_speed, *ends)
 
 
 def table_of(

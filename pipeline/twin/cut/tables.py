@@ -139,8 +139,7 @@ def coolant_on(cut: Cut) -> Floats:
     change = np.where(np.isin(code, COOLANT_ON), 1, np.where(np.isin(code, COOLANT_OFF), 0, -1))
     change = np.where(moves.kind == Kind.END, 0, change)
     last = np.maximum.accumulate(np.where(change >= 0, np.arange(len(change)), -1))
-    on: Floats = np.where(last >= 0, change[np.maximum(last, 0)], 0).astype(np.float64)
-    return on
+    return np.where(last >= 0, change[np.maximum(last, 0)], 0).astype(np.float64)
 
 
 def cost_of(cut: Cut, rates: CostRates, wear: Floats, used: Energy | None) -> PartCost:
