@@ -108,7 +108,7 @@ def identify_cutting_force(
     if not cuts:
         return CuttingIdentification(recordings=recordings, reason=_why_none(recordings))
     selection = select_model(
-        setup.tool, cuts, "helix" in setup.sought, settings.gain, settings.folds
+        setup.tool, cuts, "helix" in setup.identified, settings.gain, settings.folds
     )
     fit, methods = selection.fit, [_method("least_squares", selection.fit)]
     if settings.compare or settings.method == "genetic":

@@ -173,12 +173,12 @@ class CuttingSetup:
     """Tool (an end mill), workpiece and dynamometer of a machine's cutting recordings."""
 
     tool: Tool
-    """Tool of the cuts; its parameters in ``sought`` are identified."""
+    """Tool of the cuts; its parameters in ``identified`` are identified."""
     material: str = ""
     """Material of the workpiece."""
     dynamometer: Dynamometer = field(default_factory=Dynamometer)
     """Orientation of its channels."""
-    sought: tuple[Literal["runout", "helix"], ...] = ("runout",)
+    identified: tuple[Literal["runout", "helix"], ...] = ("runout",)
     """Unknowns of the tool that are identified; a given helix angle is the start of the search."""
 
     def __post_init__(self) -> None:

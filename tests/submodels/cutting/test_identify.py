@@ -150,7 +150,7 @@ def test_a_helix_that_is_sought_is_found():
     truth = Truth(flutes=2, runout=0.0, helix=38.0)
     tool = Tool(kind="flat", diameter_mm=12.0, flutes=2)
     known = CuttingSetup(
-        tool=tool, sought=("runout", "helix"),
+        tool=tool, identified=("runout", "helix"),
         dynamometer=Dynamometer(feed="x", normal="y", axial="z"),
     )  # fmt: skip
     found = identify_cutting_force(recordings(truth, SLOTS), known, SETTINGS)
