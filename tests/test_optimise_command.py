@@ -174,7 +174,7 @@ def test_the_same_seed_makes_the_same_bytes(made: Path) -> None:
     ("changes", "said"),
     [
         (("--feed", "500", "100"), "--feed [500.0, 100.0] must be two numbers, the least first"),
-        (("--chip", "5", "nan"), "--chip [5.0, nan] must be two numbers"),
+        (("--chip", "5", "nan"), "--chip nan um must lie from 0"),
         (("--feed", "4000", "5000"), "an F that keeps the limits: widen them"),
         ({"stock": None}, "--stock is missing: give the blank"),
         ({"tool_table": None}, "--tool-table is missing: name a table"),

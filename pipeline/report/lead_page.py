@@ -49,9 +49,7 @@ def lead_page(
         lead_alarms(facts.alarms, say),
         _changes(changes, why_none, since, say),
         _time(facts, say),
-        Section(key="last-records", title=say("last.title"),
-                blocks=present(last_records_table(facts, say)),
-                text=[] if facts.records.files else [say("last.none")]),
+        _last_records(facts, say),
     ]  # fmt: skip
     return LeadPage(
         folders=facts.folders,
@@ -200,6 +198,13 @@ def origin_columns(say: Texts) -> tuple[Column[Origin], ...]:
             if one.silent is not None else say("last.off") if one.off else "–"
         )),
     )  # fmt: skip
+
+
+def _last_records(facts: MachineFacts, say: Texts) -> Section:
+    table, files = last_records_table(facts, say), len(facts.records.files or {})
+    why = say("last.clockless", count=files) if files else say("last.none")
+    return Section(key="last-records", title=say("last.title"), blocks=present(table),
+                   text=[] if table else [why])  # fmt: skip
 
 
 def last_records_table(facts: MachineFacts, say: Texts) -> Table | None:

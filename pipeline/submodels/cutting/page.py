@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 
 from pipeline.charts.bands import Strip, axis, strips_figure
+from pipeline.charts.cases import Drawn
 from pipeline.charts.judged import Tried
 from pipeline.charts.numbers import NARROW, TOGETHER, counted, joined, number, real
 from pipeline.charts.parameters import KnownValue, fit_words
 from pipeline.charts.sections import Block, Figure, Figures, Heading, present
 from pipeline.charts.sources import stated
-from pipeline.charts.submodel_page import Counting, Drawn, PageContent, made_from
+from pipeline.charts.submodel_page import Counting, PageContent, made_from
 from pipeline.charts.tables import Column, code, tabulated
 from pipeline.schema.cutting import (
     CHANNEL,

@@ -4,11 +4,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from pipeline.charts.cases import Drawn
 from pipeline.charts.judged import Tried, case_words
 from pipeline.charts.numbers import NARROW, TOGETHER, counted, fixed, number, signed
 from pipeline.charts.parameters import listed
 from pipeline.charts.sections import Action, Section, present
-from pipeline.charts.submodel_page import Counting, Drawn, PageContent, made_from
+from pipeline.charts.submodel_page import Counting, PageContent, made_from
 from pipeline.charts.tables import Cell, Column, Table, tabulated
 from pipeline.schema.si import MINUTE
 from pipeline.schema.verdict import Score

@@ -5,12 +5,13 @@ from functools import partial
 from typing import Any
 
 from pipeline.charts.bands import Strip, readings
+from pipeline.charts.cases import Drawn
 from pipeline.charts.judged import Tried
 from pipeline.charts.numbers import number, powers, real
 from pipeline.charts.parameters import KnownValue, fit_words, in_units
 from pipeline.charts.sections import Block, Heading, present
 from pipeline.charts.sources import stated
-from pipeline.charts.submodel_page import Counting, Drawn, PageContent, made_from
+from pipeline.charts.submodel_page import Counting, PageContent, made_from
 from pipeline.charts.tables import Column, Table, code, tabulated
 from pipeline.schema.drive import (
     COMMAND,

@@ -5,10 +5,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from pipeline.charts.bands import Strip, axis, strips_figure
+from pipeline.charts.cases import Drawn
 from pipeline.charts.judged import Tried
 from pipeline.charts.numbers import TOGETHER, as_stated, counted, joined, number, percent
 from pipeline.charts.sections import Figure, Figures
-from pipeline.charts.submodel_page import Counting, Drawn, PageContent, made_from
+from pipeline.charts.submodel_page import Counting, PageContent, made_from
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.following_residual.features import BEND, EVEN, REST, TURN
 from pipeline.submodels.following_residual.model import (

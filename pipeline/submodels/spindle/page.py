@@ -7,9 +7,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from pipeline.charts.bands import Strip
+from pipeline.charts.cases import Drawn
 from pipeline.charts.numbers import counted, day_list, duration, fixed, number
 from pipeline.charts.parameters import fit_words, listed
-from pipeline.charts.submodel_page import Counting, Drawn, PageContent, made_from
+from pipeline.charts.submodel_page import Counting, PageContent, made_from
 from pipeline.charts.tables import Column, Table, tabulated
 from pipeline.schema.days import day_start
 from pipeline.schema.model import Band

@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 
 from pipeline.charts.bands import Axis, Strip, axis, band, strips_figure, tick_words
+from pipeline.charts.cases import Drawn
 from pipeline.charts.numbers import counted, joined, number, unit_words
 from pipeline.charts.sections import Figure, Figures, drawing
 from pipeline.charts.sources import Source
-from pipeline.charts.submodel_page import Counting, Drawn, PageContent, made_from
+from pipeline.charts.submodel_page import Counting, PageContent, made_from
 from pipeline.nets.diversity import FeatureScaling
 from pipeline.schema.arrays import Floats
 from pipeline.submodels.contract import Shown

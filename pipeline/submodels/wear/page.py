@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.charts.cases import Drawn
 from pipeline.charts.judged import Tried
 from pipeline.charts.numbers import NOT_KNOWN, TOGETHER, counted, fixed, number
 from pipeline.charts.sections import Action, Heading, Section, present
-from pipeline.charts.submodel_page import Counting, Drawn, PageContent, made_from
+from pipeline.charts.submodel_page import Counting, PageContent, made_from
 from pipeline.charts.tables import Cell, Column, Table, sources, tabulated
 from pipeline.schema.verdict import Fact
 from pipeline.submodels.contract import Shown
