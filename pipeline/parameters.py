@@ -30,8 +30,10 @@ RENAMED = {
     "following_residual_fit": "compensation_fit",
     "following_residual_limits": "compensation_limits",
     "command_correction": "correction",
+    "with_residual": "compensated",
+    "identified": "sought",
 }
-"""Sections by the names that they had."""
+"""Sections and keys, and the names that they had."""
 NotYaml = yaml.YAMLError
 """Error of reading YAML."""
 
@@ -152,8 +154,8 @@ def structure(values: dict[str, Any], path: str, wanted: type[T]) -> T:
     found: Any = values
     for key in path.split("."):
         if not isinstance(found, dict) or key not in found:
-            was = RENAMED.get(key)
-            mend = f"it was called {was}, rename it" if was in (found or {}) else "add it"
+            was, there = RENAMED.get(key), found if isinstance(found, dict) else {}
+            mend = f"it was called {was}, rename it" if was in there else "add it"
             raise ParametersError(
                 f"params.yaml has no section {path}: {mend} in conf/ and run `dvc repro compose`"
             )
@@ -161,7 +163,9 @@ def structure(values: dict[str, Any], path: str, wanted: type[T]) -> T:
     try:
         return structured(found, wanted, path)
     except ValueError as error:
-        raise ParametersError(f"params.yaml, {error}") from error
+        renamed = [f"{path}.{was} is called {now} now: rename it in conf/"
+                   for now, was in RENAMED.items() if f"({was})" in str(error)]  # fmt: skip
+        raise ParametersError(f"params.yaml, {'; '.join(renamed) or error}") from error
 
 
 def as_section(name: str, path: Path) -> str:

@@ -202,6 +202,14 @@ def ingest_command(tmp_path: Path) -> list[str]:
             "--machine", MACHINE, "--out", str(tmp_path / "out")]  # fmt: skip
 
 
+def test_there_is_no_bar_where_nobody_looks(project: Path, tmp_path: Path) -> None:
+    done = subprocess.run(
+        ingest_command(tmp_path), cwd=project, capture_output=True, text=True, check=True
+    )
+    assert done.stderr.startswith("kerf: ") and done.stderr.count("\n") == 1
+    assert "\x1b" not in done.stderr + done.stdout
+
+
 def test_there_is_a_bar_where_a_person_looks(project: Path, tmp_path: Path) -> None:
     ours, theirs = pty.openpty()
     done = subprocess.Popen(

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from hashlib import sha256
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -145,6 +146,13 @@ def test_gains_groups_and_loads_of_the_document_agree_with_its_totals(made: Path
 
 def test_what_is_said_holds_gain_limits_and_proof(made: Path) -> None:
     said, document = (made / "said.txt").read_text(), json.loads((made / "better.json").read_text())
+    for key, name in (("before_sha256", "part.nc"), ("after_sha256", "better.nc")):
+        assert document["proof"][key] == sha256((made / name).read_bytes()).hexdigest()
+    pairs = zip(PART.split(), (made / "better.nc").read_text().split(), strict=False)
+    counts = document["words"]
+    assert counts["F_added"] + counts["S_added"] > 0 or (
+        sum(a != b for a, b in pairs) == sum(counts.values()) >= 1
+    )
     assert "part.nc on mill01 (simulated)" in said
     assert re.search(r"before +after +change", said)
     for word in ("certainty: P(load > 60 N)", "its price", "direct",

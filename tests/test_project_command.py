@@ -68,9 +68,9 @@ def run(bin_: Path, *words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 def test_a_wheel_holds_the_code_its_templates_and_what_a_project_is_made_of(wheel: Path) -> None:
     with ZipFile(wheel) as packed:
         held = {name.partition("data/data/")[2] or name for name in packed.namelist()}
-    ends = (".py", ".j2", ".css", ".toml")
+    ends = (".py", ".j2", ".css", ".toml", "loops.json")
     code = {p.relative_to(ROOT).as_posix() for p in (ROOT / "pipeline").rglob("*.*")
-            if p.suffix in ends}  # fmt: skip
+            if p.name.endswith(ends)}  # fmt: skip
     conf = {p.relative_to(ROOT).as_posix() for p in (ROOT / "conf").rglob("*.yaml")}
     assert code | {f"share/kerf-twin/{name}" for name in conf | {"dvc.yaml"}} <= held
 

@@ -247,7 +247,7 @@ def wear(
     model: kerf.Model = "champion",
     anyway: kerf.Anyway = False,
 ) -> None:
-    """Tell the wear of the tools in FILES with its 90 % interval."""
+    """Estimate the wear of the tools in FILES with its 90 % interval."""
     from pipeline.app.wear import said, wear_of_files
 
     with one_sentence(), outputs() as to:
@@ -269,9 +269,9 @@ def synthesise(
     seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Parquet or CSV of the windows.")] = None,
     explain: Annotated[
-        Path | None, typer.Option(help="Recording whose wear is sought, CSV or Parquet.")
+        Path | None, typer.Option(help="Recording whose wear is to be explained, CSV or Parquet.")
     ] = None,
-    json: Annotated[Path | None, typer.Option(help="JSON of what --explain found.")] = None,
+    json: Annotated[Path | None, typer.Option(help="JSON of the explanation.")] = None,
     model: kerf.Model = "champion",
     anyway: kerf.Anyway = False,
 ) -> None:

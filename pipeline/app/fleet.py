@@ -73,8 +73,9 @@ def check_machine(machine: str) -> None:
 def active_fleet() -> Fleet:
     """The fleet that `dvc repro` builds, also where params.yaml is still of the one before."""
     values, active = read_params(), CONF / "fleet/active.yaml"
-    chosen = read_yaml(active.read_text(), str(active)) if active.exists() else values["fleet"]
-    changed = chosen.get("name") != values["fleet"]["name"]
+    composed = structure(values, "fleet", dict)
+    chosen = read_yaml(active.read_text(), str(active)) if active.exists() else composed
+    changed = chosen.get("name") != composed.get("name")
     return structure({"fleet": chosen} if changed else values, "fleet", Fleet)
 
 
@@ -87,7 +88,8 @@ def outside_fleet(machine: str) -> str:
     if machine in fleet.machines:
         return ""
     files = sorted((CONF / "fleet").glob("*.yaml"))
-    others = [f.stem for f in files if machine in (yaml.safe_load(f.read_text())["machines"] or ())]
+    fleets = {f.stem: yaml.safe_load(f.read_text()) or {} for f in files}
+    others = [name for name, one in fleets.items() if machine in (one.get("machines") or ())]
     name = others[0] if others else "NAME"
     return (
         f"{machine} is not in the fleet {fleet.name}, which is built here: run `kerf fleet {name}` "
@@ -479,10 +481,11 @@ def write_report(out: Path) -> Path:
     from pipeline.stages.report import report
 
     values, pages = read_params(), CONF / "pages/default.yaml"
-    if pages.exists() and (own := read_yaml(pages.read_text(), str(pages))) != values["pages"]:
+    composed = structure(values, "pages", dict)
+    if pages.exists() and (own := read_yaml(pages.read_text(), str(pages))) != composed:
         LOG.warning(
             "%s has %s and params.yaml %s, which the pages follow: run `dvc repro compose` first",
-            pages, own, values["pages"],
+            pages, own, composed,
         )  # fmt: skip
     report(
         signals=DATA / "signals", clean=DATA / "clean", models=DATA / "models",

@@ -59,14 +59,13 @@ def interpret(
     json: kerf.Json = None,
 ) -> None:
     """Follow PROGRAM block by block and write its moves, or say what a restart at a line needs."""
+    from pipeline.app.moves_table import ROWS_AT_ONCE, write_moves
     from pipeline.app.programs import (
-        ROWS_AT_ONCE,
         machine_setup,
         moves_in_parts,
         passed_over,
         program_at,
         setup_beside,
-        write_moves,
     )
     from pipeline.gcode.interpret import restart_at, restart_lines
 

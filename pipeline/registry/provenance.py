@@ -55,7 +55,7 @@ def plain(key: Any) -> str:
     return re.sub(r"[^\w.: -]", "_", str(key))
 
 
-def stored_model(name: str, folder: Path) -> Model:
+def model_of_bundle(name: str, folder: Path) -> Model:
     """Model of a sub-model in ``folder``."""
     from pipeline.submodels.contract import submodel
 
@@ -67,7 +67,7 @@ def key_figures(name: str, folder: Path) -> dict[str, float]:
     from pipeline.submodels.judge import metrics
 
     found = flat(metrics(read_json(folder / VERDICT, Verdict)), f"{name}.")
-    for group, parameters in stored_model(name, folder).parameters.items():
+    for group, parameters in model_of_bundle(name, folder).parameters.items():
         prefix = f"{name}.parameter.{group}." if group else f"{name}.parameter."
         found |= flat({key: one.value for key, one in parameters.items()}, prefix)
     return {name: float(v) for name, v in found.items() if isinstance(v, int | float)}
@@ -75,7 +75,7 @@ def key_figures(name: str, folder: Path) -> dict[str, float]:
 
 def training_files(name: str, folder: Path) -> list[tuple[str, str]]:
     """Raw files that a sub-model in ``folder`` was fitted on, with the sha256 of each."""
-    files = stored_model(name, folder).training_files
+    files = model_of_bundle(name, folder).training_files
     return sorted((file, sha256) for sha256, file in files.items())
 
 
@@ -88,7 +88,7 @@ def hash_of_files(files: Iterable[tuple[str, str]]) -> str:
 def parameters_of(name: str, folder: Path) -> dict[str, str]:
     """Identified parameters with unit and 95 % interval, as words; a key of 250 at most."""
     found = {}
-    for group, parameters in stored_model(name, folder).parameters.items():
+    for group, parameters in model_of_bundle(name, folder).parameters.items():
         for key, one in parameters.items():
             unit = "" if one.unit in ("", "1") else f" {one.unit}"
             low, high = one.interval_95 or (None, None)

@@ -12,11 +12,11 @@ from pipeline.registry.provenance import (
     flat,
     hash_of_files,
     key_figures,
+    model_of_bundle,
     parameters_of,
     plain,
     provenance,
     requirements,
-    stored_model,
     training_files,
 )
 from pipeline.registry.store import Version, client_of, experiment_of, model_name, versions
@@ -239,7 +239,7 @@ def _part(name: str, folder: Path, units: Mapping[str, str]) -> list[str]:
     from pipeline.submodels.contract import submodel
 
     one = submodel(name)
-    verdict, model = read_json(folder / VERDICT, Verdict), stored_model(name, folder)
+    verdict, model = read_json(folder / VERDICT, Verdict), model_of_bundle(name, folder)
     inputs = ", ".join(f"{i.name} [{i.unit or 1}]" for i in one.inputs) or "see the signature"
     targets = ", ".join(dict.fromkeys(f"{s.quantity} [{s.unit}]" for s in verdict.scores))
     lines = [

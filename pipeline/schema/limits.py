@@ -122,7 +122,7 @@ class CutLimit(Ranged, section="limits"):
     """Peak of the load across the tool's axis, for tools without their own [N]."""
     deflection_um: Annotated[
         float | None, Range(above=0.0, below=ENDLESS, unit="um"),
-        Limit(option="--limit-deflection", help="Of a tool's tip, um; or T5=20.",
+        Limit(option="--limit-deflection", help="Bending of a tool's tip, um; or T5=20.",
               name="deflection of the tip", margin="deflection"),
     ] = None  # fmt: skip
     """Deflection of the tool's tip, for tools without their own [um]."""
@@ -158,7 +158,7 @@ class CutLimit(Ranged, section="limits"):
     """S [rev/min]; by default the range of the spindle's drive."""
     torque_Nm: Annotated[
         float | None, Range(above=0.0, below=ENDLESS, unit="N m"),
-        Limit(option="--limit-torque", help="Of the cut, N m; or T5=10.",
+        Limit(option="--limit-torque", help="Torque of the cut, N m; or T5=10.",
               name="torque of the cut", margin="torque"),
     ] = None  # fmt: skip
     """Torque of the cut, beside the drive's own, for tools without their own [N m]."""
@@ -166,7 +166,7 @@ class CutLimit(Ranged, section="limits"):
         float,
         Range(above=0.0, most=2.0),
         Limit(
-            option="--power-share", help="Of the drive's power that may be used, a share.",
+            option="--power-share", help="Share of the drive's power that may be used.",
             name="share of the drive’s power", margin="power",
         ),
     ] = 1.0  # fmt: skip

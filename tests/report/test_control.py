@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 from control_folders import (
     Programmer,
+    part,
     run,
     with_control,
+    write_control,
     write_program,
     write_refused,
     write_validation,
@@ -155,3 +157,15 @@ def test_columns_of_another_kind_are_said_not_raised(built, tmp_path):
     table = pq.read_table(path)
     pq.write_table(table.set_column(table.schema.get_field_index("x"), "x", [["far"]]), path)
     assert "plate.parquet was left out: its columns are not those" in report(folders, tmp_path)
+
+
+def test_text_from_programs_stays_text(tmp_path):
+    hostile = "<script>alert('x')</script>"
+    folders = empty_machine(tmp_path, "m", submodels=("control",))
+    write_control(folders)
+    write_validation(folders, [run(hostile, hostile, 1.0)], left_out=hostile)
+    write_program(folders, "p", part(chords=3, passes=1), program=hostile)
+    write_refused(folders, "q", hostile)
+    report(folders, tmp_path)
+    for page in (tmp_path / "out").glob("*.html"):
+        assert "script" not in [t for t, _ in outline(page).tags]

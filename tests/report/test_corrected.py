@@ -22,7 +22,7 @@ def place(before: float, after: float) -> dict[str, Any]:
 
 
 def written(folder: Path, programs: dict[str, Any]) -> Path:
-    path = folder / "mill_correction.json"
+    path = folder / "mill_command_correction.json"
     document = {"machine": "mill", "origin": "simulated", "programs": programs}
     path.write_text(json.dumps(document))
     return path

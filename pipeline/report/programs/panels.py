@@ -213,7 +213,7 @@ def _shortfall(shown: Timeline, top: float) -> list[Markup]:
     panel = Panel(head="Reached of the programmed feed, %", top=top, height=SHARE, most=100.0,
                   marks=(0, 50, 100))  # fmt: skip
     reached = 100 * shown.share
-    gap = panel.columns(reached, np.where(reached < 100, 100.0, np.nan), "s-lost")
+    gap = panel.columns(reached, np.where(np.rint(10 * reached) < 1000, 100.0, np.nan), "s-lost")
     met = panel.columns(np.zeros(BINS), np.where(reached > 0, reached, np.nan), "s-met")
     return [*panel.frame(), panel.band([met, gap], BINS)]
 

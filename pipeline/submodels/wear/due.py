@@ -2,7 +2,7 @@
 
 On the land of a worn flank pressure and friction act, so that edge forces grow as its width:
 K_te = K_te0 + k_t VB and K_re = K_re0 + k_r VB (Smithey, Kapoor, DeVor 2000).  Mean forces of
-milling are linear in the edge coefficients (:mod:`pipeline.cutting.force.mean_force`).  The force
+milling are linear in the edge coefficients (:mod:`pipeline.cutting.force.force_law`).  The force
 of the sharp tool is free for each tool and cut, so that runout, depth and the law of the chip are
 none of the growth.  A recording counts by its relative error, since depth and hardness err in per
 cent, and less where it lies apart (Huber).  Intervals leave out one tool after another: recordings
