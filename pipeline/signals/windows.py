@@ -4,11 +4,14 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from pipeline.schema.arrays import Bools, Floats, Ints
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,7 +20,7 @@ class StateSegment:
 
     day: str
     """Day of the plant, ``YYYY-MM-DD``."""
-    frame: pd.DataFrame
+    frame: "pd.DataFrame"
     """Inputs and target, one row a step, by the UTC time of the step's beginning."""
     step: float
     """Step of time [s]."""
@@ -40,18 +43,20 @@ def absent_items(clean: Path) -> dict[str, list[str]]:
         return {}
 
 
-def read_state(clean: Path, day: str) -> pd.DataFrame:
+def read_state(clean: Path, day: str) -> "pd.DataFrame":
     """The state table of one day, indexed by time in the zone of the plant."""
     path = clean / "state" / f"{day}.parquet"
     if not path.exists():
         raise ValueError(
             f"no state table of {day} in {clean}: run the stage clean for this machine"
         )
+    import pandas as pd
+
     return pd.read_parquet(path).set_index("time")
 
 
 def state_segments(
-    frame: pd.DataFrame,
+    frame: "pd.DataFrame",
     day: str,
     *,
     inputs: Sequence[str],
@@ -73,6 +78,8 @@ def state_segments(
             f"{missing[0]} is no column of numbers in the state table of {day}; "
             "map it to a data item in conf/machine/ or leave it out of the model's inputs"
         )
+    import pandas as pd
+
     steps = numbers.resample(pd.Timedelta(seconds=step)).mean()
     known = steps[list(inputs)].notna().all(axis=1).to_numpy()
     limit = len(steps) if np.isinf(bridge_s) else int(bridge_s / step)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline.gcode.errors import GcodeError
-from pipeline.gcode.interpret import interpret
+from pipeline.gcode.interpret import Interpreter, interpret
 from pipeline.gcode.moves import INCH, Kind
 from pipeline.gcode.program import parse_program, read_program
 from pipeline.gcode.setup import Setup, Tool
@@ -185,3 +185,13 @@ def test_nist_d2mi_is_read(name):
     np.testing.assert_allclose(moves.end[-1], contour.end[-1])
     beside = np.abs(moves.end[:, :2] - contour.end[:, :2]).max()
     assert 0.01 * INCH - 1e-9 <= beside < 0.05 * INCH  # the radius; more only in sharp corners
+
+
+@pytest.mark.proof
+def test_interpreted_as_compiled():
+    """Line by line and with compiled stretches: the same bits of a recorded program."""
+    program = read_program(FOLDER / "nist_box" / "programs" / "NIST_MTC_CRADA_PLATE-4.NC")
+    slow = Interpreter(program, Setup(), compiled=False).moves()
+    fast = Interpreter(program, Setup()).moves()
+    for (name, a), (_, b) in zip(slow.columns(), fast.columns(), strict=True):
+        assert np.array_equal(a, b, equal_nan=a.dtype.kind == "f"), name

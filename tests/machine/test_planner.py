@@ -265,3 +265,9 @@ def test_a_block_takes_at_most_300_bytes_with_its_moves():
     for part in (result, result.path, result.motion):
         arrays += [value for value in vars(part).values() if isinstance(value, np.ndarray)]
     assert sum(array.nbytes for array in arrays) <= 300 * 200
+
+
+def test_threads_take_no_override() -> None:
+    writer = Writer().set(feed=1.5, feed_mode=FeedMode.PER_REVOLUTION, speed=600, direction=1)
+    path = limited_path(writer.to(kind=Kind.THREAD, Z=-30).moves, control())
+    assert plan(path, feed_override=20).total == plan(path).total

@@ -70,7 +70,7 @@ def feeds(cut, certainty, limit=LIMIT, **others):
 
 
 def risk(cut, f_z, certainty, seed, limit=LIMIT):
-    """Of passing the limit at feeds for each tooth (M,)."""
+    """Probability of passing the limit at feeds for each tooth (M,)."""
     return exceedance(cut, f_z, of_all(cut, limit), known(cut, certainty), certainty, seed)
 
 

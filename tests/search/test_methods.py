@@ -216,7 +216,7 @@ def test_walls_hold_what_would_leave() -> None:
 
 
 def test_a_spiral_turns_about_the_best_within_its_greatest_widening() -> None:
-    """Of each whale one factor for all axes, exp(l) cos(2 pi l), l from -1 to 1, and both ends."""
+    """One factor for all axes of each whale, exp(l) cos(2 pi l), l from -1 to 1, and both ends."""
     best = UNIT[0]
     still = replace(WhaleSettings(), origin=0.5)
     moved = methods.whales_moved(UNIT, best, 1e-9, still, np.random.default_rng(2))

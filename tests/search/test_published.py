@@ -105,7 +105,7 @@ class Ranking:
 
 
 def ranking(found: np.ndarray) -> Ranking:
-    """Of costs of shape (functions, searches, seeds); runs of one seed are ranked together.
+    """Ranks of costs of shape (functions, searches, seeds); runs of one seed are ranked together.
 
     Friedman's test over functions, then Wilcoxon's signed ranks of the best against each other
     one, corrected after Holm.

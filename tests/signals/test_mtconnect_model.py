@@ -288,3 +288,19 @@ def test_types_and_elements_are_told_to_be_names_alike() -> None:
             assert is_name(form)
     for other in ("LINE_NUMBER", "Line", "Discrete", "program", "", None):
         assert not is_name(other)
+
+
+@pytest.mark.parametrize("around", ["<Devices>{}</Devices>", "<x><MTConnectDevices><Devices>{}"
+                                    "</Devices></MTConnectDevices></x>"])  # fmt: skip
+def test_devices_are_read_wherever_they_stand(tmp_path: Path, around: str) -> None:
+    model = read_devices(_write(tmp_path, around.format(ITEMS.replace("v:", ""))), None)
+    assert [item.id for item in model.items] == ["avail", "x1", "x2", "m1"]
+
+
+def test_items_of_a_composition_are_of_its_device(tmp_path: Path) -> None:
+    pump = """<Compositions><Composition id="p" type="PUMP"><DataItems>
+      <DataItem id="p1" category="SAMPLE" type="PRESSURE" units="PASCAL"/></DataItems>
+      </Composition></Compositions></Device>"""
+    model = read_devices(_write(tmp_path, ITEMS.replace("v:", "").replace("</Device>", pump)), None)
+    (item,) = (one for one in model.items if one.id == "p1")
+    assert (item.component, item.component_name, item.device) == ("Composition", "p", "mill")

@@ -4,6 +4,7 @@ import math
 import subprocess
 import sys
 
+import pint
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -223,3 +224,20 @@ with ThreadPoolExecutor(len(units)) as pool:
     assert done.stdout.split() == [
         "0.001", "25.4", "304.8", "0.5556", "100000.0", "4.4482", "1000.0", "60.0",
     ], done.stderr  # fmt: skip
+
+
+def test_every_column_agrees_with_pint() -> None:
+    pint_itself = pint.UnitRegistry()
+    names = {
+        "": "dimensionless", "CELSIUS": "degC", "PERCENT": "percent", "SECOND": "second",
+        "MILLIMETER": "millimeter", "MILLIMETER/SECOND": "millimeter/second",
+        "DEGREE": "degree", "DEGREE/SECOND": "degree/second",
+        "REVOLUTION/MINUTE": "revolution/minute",
+    }  # fmt: skip
+    for column in COLUMNS.values():
+        unit = names[column.unit]
+        zero = pint_itself.Quantity(0.0, unit).to_base_units().magnitude
+        one = pint_itself.Quantity(1.0, unit).to_base_units().magnitude
+        # 274.15 - 273.15 loses the last digits of 273.15: 6e-14.
+        assert column.factor == pytest.approx(one - zero, rel=1e-12), column.name
+        assert column.offset == pytest.approx(zero, abs=1e-12), column.name

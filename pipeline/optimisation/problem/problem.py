@@ -8,7 +8,7 @@ f_z = L / (t n N) the mean feed for each tooth, a row takes
     wear    W t (n / n_0)^(1/T) (f_z / f_0)^(a/T)      (T Taylor's exponent, a that of f_z)
     energy  (t + w) (P_base + P_coolant + P_0(n) / eta) + t P_drives + t c 2 pi n M(f_z) / eta
 
-as :mod:`pipeline.twin.cut.cost` says it of one plan, whose wear gives W at n_0 and f_0; c is the
+as :mod:`pipeline.twin.cut.tables` says it of one plan, whose wear gives W at n_0 and f_0; c is the
 share of the row in the material, M the mean torque.
 """
 

@@ -235,7 +235,7 @@ class _Tree(XmlEvents):
         elif isinstance(parent, list):
             parent.append({tag: own})
         else:
-            groups = ("Devices", "Components", "DataItems")
+            groups = ("Devices", "Components", "Compositions", "DataItems")
             own = parent.setdefault(tag, [] if tag in groups else attributes)
         self._path.append((tag, own))
 
@@ -258,8 +258,8 @@ def read_devices(path: Path, device: str | None) -> DeviceModel:
     tree = _Tree(whole)
     end = tree.parse_fragment()
     names = [name for root in tree.roots for name in root]
-    bare = {"Devices": [root for root in tree.roots if "Device" in root]}
-    model = _model(tree.roots[0] if "MTConnectDevices" in names else bare)
+    bare = [root for root in tree.roots if {"Device", "Agent"} & {*root}]
+    model = _model({"Devices": next(_inside(tree.roots, "Devices"), bare)})
     if not model.devices:
         root = quoted(names[0]) if names else "nothing"
         raise UnreadableFile(f"no device is declared in this document, which is {root}")
@@ -267,6 +267,13 @@ def read_devices(path: Path, device: str | None) -> DeviceModel:
         line = whole.line(end.at)
         raise UnreadableFile(f"the device document breaks off at line {line}: {end.reason}")
     return chosen(model, device)
+
+
+def _inside(node: Any, name: str) -> Iterator[Any]:
+    """Elements called so, wherever they stand in a tree of elements."""
+    for one in node if isinstance(node, list) else [node]:
+        for tag, body in one.items() if isinstance(one, dict) else ():
+            yield from [body] if tag == name else _inside(body, name)
 
 
 def chosen(model: DeviceModel, device: str | None) -> DeviceModel:
@@ -406,7 +413,8 @@ def items_of(device: Node, label: str | None, kind: str = "Device") -> Iterator[
                 )
         inside = [
             (name or element_name(word(part(body, "type"))), body)
-            for name, body in named(part(node, "Components"))
+            for group in ("Components", "Compositions")
+            for name, body in named(part(node, group))
             if isinstance(body, dict)
         ]
         waiting += reversed(inside)

@@ -35,6 +35,17 @@ from pipeline.signals.shdr.record_forms import (
     undeclared,
 )
 
+NOTHING, NUMBER, TEXT = 0, 1, 2
+"""Content of a row."""
+LINES, NEW_KEY, FULL = 0, 1, 2
+"""Results of the scanner: all lines are read, a name is met first, a table is full."""
+ANY, SAMPLE, EVENT, WORD, OTHER = 0, 1, 2, 3, 4
+"""Forms of an item's value; a line with an OTHER is for the reference path."""
+POSITION, LINE, ROWS, SLOW, TEXTS, TEXT_BYTES, HARD, HARD_BYTES = range(8)
+KEY_START, KEY_END = range(8, 10)
+"""Places in the scanner's state."""
+LONGEST_KEY = 256
+"""Bytes of the longest item's name that is scanned."""
 CHUNK = 8 << 20
 """Bytes read at a time."""
 

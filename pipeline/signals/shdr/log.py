@@ -41,7 +41,7 @@ from pipeline.signals.formats import (
     encoded,
     looks_like,
 )
-from pipeline.signals.shdr import scan
+from pipeline.signals.shdr import lines
 from pipeline.signals.shdr.lines import (
     CHUNK,
     LONGEST,
@@ -54,7 +54,6 @@ from pipeline.signals.shdr.lines import (
     single_lines,
 )
 from pipeline.signals.shdr.record_forms import ItemPlan, Items
-from pipeline.signals.shdr.scan import scan as scan_lines
 
 ROWS = 1 << 20
 SLOW_LINES = 1 << 16
@@ -64,7 +63,7 @@ HARD_BYTES = 1 << 24
 ENOUGH = 1 << 18
 """Rows after which a batch is handed over."""
 
-_FORM_CODES = {"any": scan.ANY, "sample": scan.SAMPLE, "event": scan.EVENT, "word": scan.WORD}
+_FORM_CODES = {"any": lines.ANY, "sample": lines.SAMPLE, "event": lines.EVENT, "word": lines.WORD}
 
 
 class Scanner:
@@ -90,47 +89,51 @@ class Scanner:
             if segment.kind == "lines" and not self._plain:
                 yield from self._lines(segment)
             else:
-                self._odd += [(int(self._state[scan.ROWS]), one) for one in single_lines(segment)]
-            if self._state[scan.ROWS] + len(self._odd) >= ENOUGH:
+                self._odd += [(int(self._state[lines.ROWS]), one) for one in single_lines(segment)]
+            if self._state[lines.ROWS] + len(self._odd) >= ENOUGH:
                 yield self._batch()
-        if self._state[scan.ROWS] or self._odd:
+        if self._state[lines.ROWS] or self._odd:
             yield self._batch()
 
     def _lines(self, segment: Segment) -> Iterator[Batch]:
+        from pipeline.signals.shdr.scan import scan  # which loads the compiler
+
         buffer = np.frombuffer(segment.data, np.uint8)
-        self._state[scan.POSITION], self._state[scan.LINE] = 0, segment.line
-        why = scan.FULL
-        while why != scan.LINES:
-            why = scan_lines(buffer, self._closed, LONGEST, self._state, self._rows,
+        self._state[lines.POSITION], self._state[lines.LINE] = 0, segment.line
+        why = lines.FULL
+        while why != lines.LINES:
+            why = scan(buffer, self._closed, LONGEST, self._state, self._rows,
                              self._slow, self._keys, self._plans, self._texts,
                              self._hard)  # fmt: skip
-            for before, line, start, end in self._slow[: self._state[scan.SLOW]].tolist():
+            for before, line, start, end in self._slow[: self._state[lines.SLOW]].tolist():
                 self._odd.append((before, Segment("lines", segment.data[start:end], line)))
-            self._state[scan.SLOW] = 0
-            if why == scan.NEW_KEY:
+            self._state[lines.SLOW] = 0
+            if why == lines.NEW_KEY:
                 self._learn(buffer)
-            elif why == scan.FULL:
+            elif why == lines.FULL:
                 yield self._batch()
 
     @property
     def _closed(self) -> bool:
         n = len(self._known)
-        return n == KEYS or int(self._keys[1][n]) > KEY_BYTES - scan.LONGEST_KEY
+        return n == KEYS or int(self._keys[1][n]) > KEY_BYTES - lines.LONGEST_KEY
 
     def _learn(self, buffer: Any) -> None:
         """Take in the name at which the scanner stopped."""
-        start, end = int(self._state[scan.KEY_START]), int(self._state[scan.KEY_END])
+        start, end = int(self._state[lines.KEY_START]), int(self._state[lines.KEY_END])
         plan = self.reader.items.plan(buffer[start:end].tobytes().decode("ascii"))
         code = len(self._known)
-        _, slot = scan.find(buffer, start, end, *self._keys)
-        scan.add(buffer, start, end, code, slot, *self._keys)
+        from pipeline.signals.shdr.scan import add, find
+
+        _, slot = find(buffer, start, end, *self._keys)
+        add(buffer, start, end, code, slot, *self._keys)
         shapes, factors, offsets = self._plans
-        shapes[code] = _FORM_CODES.get(plan.shape, scan.OTHER)
+        shapes[code] = _FORM_CODES.get(plan.shape, lines.OTHER)
         factors[code], offsets[code] = plan.factor, plan.offset
         self._known.append(plan)
 
     def _batch(self) -> Batch:
-        n = int(self._state[scan.ROWS])
+        n = int(self._state[lines.ROWS])
         rows: list[Row] = []
         before: list[int] = []
         rejected: list[Rejection] = []
@@ -154,7 +157,7 @@ class Scanner:
         self.records += n + done
         self._odd = []
         self._texts[0][:] = 0
-        self._state[scan.ROWS : scan.KEY_START] = 0
+        self._state[lines.ROWS : lines.KEY_START] = 0
         return Batch(observations=table, read=n + done, rejected=rejected)
 
     def _table(self, n: int, sequence: Any, odd: list[Row], before: list[int]) -> pa.Table:
@@ -164,9 +167,9 @@ class Scanner:
         names: dict[str, int] = {}
         name_of = np.array([_code(names, p.name) for p in self._known] or [0], np.int32)
         kind_of = np.array([KINDS.index(p.kind) for p in self._known] or [0], np.int32)
-        texts = _strings(int(self._state[scan.TEXTS]), *self._texts[1:])
+        texts = _strings(int(self._state[lines.TEXTS]), *self._texts[1:])
         keys: dict[str, int] = {}
-        columns = [time.copy(), name_of[item], number.copy(), holds == scan.NUMBER, text.copy(),
+        columns = [time.copy(), name_of[item], number.copy(), holds == lines.NUMBER, text.copy(),
                    sequence, kind_of[item], np.full(n, -1)]  # fmt: skip
         attributes = pa.nulls(n + len(odd), pa.string())
         if odd:
@@ -195,7 +198,7 @@ class Scanner:
 
     def _convert_hard(self, number: Any, item: Any) -> None:
         """Convert the numbers that the scanner copied out; Arrow rounds as Python does."""
-        n = int(self._state[scan.HARD])
+        n = int(self._state[lines.HARD])
         if n:
             of_row, offsets, copies = self._hard
             values = pc.cast(_strings(n, offsets, copies), pa.float64()).to_numpy()

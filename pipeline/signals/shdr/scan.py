@@ -10,6 +10,29 @@ from typing import Any
 import numpy as np
 
 from pipeline.kernels import compiled, compiled_with
+from pipeline.signals.shdr.lines import (
+    ANY,
+    FULL,
+    HARD,
+    HARD_BYTES,
+    KEY_END,
+    KEY_START,
+    LINE,
+    LINES,
+    LONGEST_KEY,
+    NEW_KEY,
+    NOTHING,
+    NUMBER,
+    OTHER,
+    POSITION,
+    ROWS,
+    SAMPLE,
+    SLOW,
+    TEXT,
+    TEXT_BYTES,
+    TEXTS,
+    WORD,
+)
 
 # as pipeline.kernels.compiled, but woven into what calls it
 inlined = compiled_with(nogil=True, _nrt=False, inline="always")
@@ -166,22 +189,6 @@ def number_at(buf: Any, at: Any) -> Any:
     value = value / _TENS[-power] if power < 0 else value * _TENS[power]
     return EXACT, -value if negative else value, at
 
-
-NOTHING, NUMBER, TEXT = 0, 1, 2
-"""Content of a row."""
-
-LINES, NEW_KEY, FULL = 0, 1, 2
-"""Results of :func:`scan`: all lines are read, a name is met first, a table is full."""
-
-ANY, SAMPLE, EVENT, WORD, OTHER = 0, 1, 2, 3, 4
-"""Forms of an item's value; a line with an OTHER is for the reference path."""
-
-POSITION, LINE, ROWS, SLOW, TEXTS, TEXT_BYTES, HARD, HARD_BYTES = range(8)
-KEY_START, KEY_END = range(8, 10)
-"""Places in the scanner's state."""
-
-LONGEST_KEY = 256
-"""Bytes of the longest item's name that is scanned."""
 
 _FNV, _PRIME = np.uint64(14695981039346656037), np.uint64(1099511628211)
 

@@ -84,18 +84,16 @@ class Lines:
 def text_of(data: bytes, encoding: str) -> tuple[bytes, str]:
     r"""A file's bytes as UTF-8 text with ``\n`` line ends, and the damage of a gzip stream.
 
-    Of a damaged one the whole lines before the damage are kept.
+    The whole lines before the damage are kept.
     """
     damage: list[str] = []
     if data.startswith(GZIP_MAGIC):
         data = b"".join(gunzip(iter([data]), _BLOCK, damage.append))
-        if damage and not (data := data[: data.rfind(b"\n") + 1]):
-            raise UnreadableFile(f"{damage[0]}: copy the file again")
     if kind := foreign(data):
         raise UnreadableFile(f"the file is {kind}")
     encoding = next((name for mark, name in _MARKS if data.startswith(mark)), encoding)
     try:
-        text = data.decode(encoding)
+        text = data.decode(encoding, "ignore" if damage else "strict")
     except LookupError as error:
         raise ValueError(f"encoding {encoding!r} is not known: write it as in 'latin-1'") from error
     except UnicodeDecodeError as error:
@@ -104,6 +102,8 @@ def text_of(data: bytes, encoding: str) -> tuple[bytes, str]:
             f"byte 0x{data[error.start]:02x} at line {line} is not {encoding}: "
             "name the file's encoding in the layout, for example 'latin-1'"
         ) from error
+    if damage and not (text := text[: text.rfind("\n") + 1]):
+        raise UnreadableFile(f"{damage[0]}: copy the file again")
     if not text.strip():
         raise UnreadableFile("the file is empty")
     if "\0" in text[:_HEAD]:

@@ -234,13 +234,13 @@ def coefficients(
 def _helix(fit: Fit, uncertainty: FitUncertainty) -> Estimate:
     helix = fit.problem.geometry(fit.x).helix
     half = uncertainty.half_width({"tan_helix": 1.0}) * np.cos(helix) ** 2 / DEGREE
-    sought = fit.problem.terms.helix
+    fitted = fit.problem.terms.helix
     return Estimate(
-        name="helix", unit="deg", value=helix / DEGREE, half_width=half if sought else 0.0,
-        determined=bool(sought and half <= HELIX_DEG), method=HARMONICS if sought else "given",
-        reason="its 95 % interval is wider than 10 deg" if sought
+        name="helix", unit="deg", value=helix / DEGREE, half_width=half if fitted else 0.0,
+        determined=bool(fitted and half <= HELIX_DEG), method=HARMONICS if fitted else "given",
+        reason="its 95 % interval is wider than 10 deg" if fitted
         else f"{helix / DEGREE:g} deg was taken: the records do not tell another",
-        remedy="record a deeper cut, in which the edge lags further" if sought else "",
+        remedy="record a deeper cut, in which the edge lags further" if fitted else "",
     )  # fmt: skip
 
 

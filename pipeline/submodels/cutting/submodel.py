@@ -177,8 +177,15 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
             for name in COLUMNS:
                 if name not in table.columns:
                     raise ValueError(f"the input has no column {name}: give {', '.join(COLUMNS)}")
-            rows = []
+            rows: list[tuple[Any, ...]] = []
             for speed, f_z, a_p, entry, leave in table[list(COLUMNS)].to_numpy(float).tolist():
+                if not (0 < speed < np.inf and 0 <= f_z < np.inf and 0 <= a_p < np.inf
+                        and 0 <= entry < leave <= 180):  # fmt: skip
+                    raise ValueError(
+                        f"row {len(rows) + 1} has {speed:g} rev/min, f_z {f_z:g} mm, a_p {a_p:g} "
+                        f"mm from {entry:g} to {leave:g} deg: give a speed above 0, feed and depth "
+                        "of 0 or more and 0 <= entry < exit <= 180"
+                    )
                 conditions = CutConditions(
                     speed=speed / 60, f_z=f_z * MM, a_p=a_p * MM, flutes=model.tool.flutes,
                     phi_st=float(np.radians(entry)), phi_ex=float(np.radians(leave)),

@@ -324,8 +324,8 @@ def fit_life(tools: Sequence[ToolUse], settings: WearLifeSettings) -> LifeLaw:
         shares.append(np.log(np.interp(LEVELS * limit, curve[1], curve[0]) / minutes))
     if len(worn) < FEWEST:
         raise ValueError(
-            f"no tool life: {len(worn)} tools were measured up to VB = {limit:g} um, {FEWEST} are "
-            "needed: measure more tools until they are changed"
+            f"no tool life: {FEWEST} tools measured up to VB = {limit:g} um are needed, there "
+            f"{'is' if len(worn) == 1 else 'are'} {len(worn)}: measure more until they are changed"
         )
     kinds = tuple(sorted({one.kind for one in worn}))
     v_ref = float(np.exp(np.mean([np.log(one.v_c_m_min) for one in worn])))

@@ -102,7 +102,7 @@ def due_section(shown: Shown[WearModel]) -> Section | None:
     law, label = model.lasting.life, " (simulated)" if shown.origin == "simulated" else ""
     named = sources(shown.shelf, shown.folder / "model.json", shown.folder / "verdict.json")
     if law is None:
-        why = "; ".join(model.lasting.reasons).replace(" 1 tools were ", " 1 tool was ")
+        why = "; ".join(model.lasting.reasons)
         text = [f"No time left can be told: {why}."]
         return Section(key="tools-due", title=f"Tools due{label}", text=text)
     tools = due_tools(shown)

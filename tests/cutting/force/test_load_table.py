@@ -351,3 +351,14 @@ def test_a_pointed_drill_has_a_steeper_chisel_edge_than_lips() -> None:
     assert -90 < chisel_rake(drill(8.0, 140.0)) < chisel_rake(drill(8.0, 90.0)) < -30
     assert chisel_length(drill(8.0, 118.0, role="tap")) == 0.0
     assert chisel_length(Tool(kind="flat", diameter_mm=8.0, flutes=4)) == 0.0
+
+
+def test_torque_of_an_arc_is_that_of_altintas() -> None:
+    """Of an arc from bin to bin: mean forces do not ask how the teeth's angles are chosen."""
+    wide = 2 * np.pi / 72
+    table = load_table(blocks([arc(5 * wide, 20 * wide, 3e-3)]), [MILL], [LAW], MOST)
+    expected = mean_torque(
+        LAW, flutes=4, f_z=4e-5, a_p=3e-3, phi_st=5 * wide, phi_ex=20 * wide, radius=MILL.radius
+    )
+    # pieces err by 0.03 %
+    assert table.loads([4e-5]).torque[0] == pytest.approx(float(expected), rel=5e-4)

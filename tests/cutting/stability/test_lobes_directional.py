@@ -19,7 +19,7 @@ from pipeline.cutting.stability.semi_discretisation import (
 from pipeline.cutting.stability.semi_discretisation_kernel import fill_weights
 from pipeline.cutting.stability.tip_dynamics import modal_receptance
 from pipeline.cutting.tool import Tool
-from tests.cutting.chatter import DOWN, SLOT, X, Y, regenerative_cut
+from tests.cutting.chatter import DOWN, SLOT, STEADY, X, Y, lobes, regenerative_cut
 from tests.cutting.closed_forms import basis, edge_forces
 
 angles = st.floats(0.0, 2 * pi)
@@ -172,3 +172,20 @@ def test_eigenvalues_are_those_of_the_matrix() -> None:
     np.testing.assert_allclose(
         own, np.sort_complex(np.linalg.eigvals(matrix @ response)), rtol=1e-9
     )
+
+
+def test_the_minimum_is_its_closed_form_at_its_closed_speed() -> None:
+    """2 k zeta (1 + zeta) / K of one mode along x in a steady slot (Tlusty; Altintas 2012, 3.95).
+
+    w = w_n sqrt(1 + 2 zeta); the phase of 1 - e^(-i w T) there is that of -1 / Phi.
+    """
+    ratio = np.sqrt(1 + 2 * X.damping)
+    value = -modal_receptance([X], [X.natural_frequency_Hz * ratio])[0, 0, 0]
+    waves = 2 * np.arctan2(value.real, -value.imag) + 2 * pi * np.arange(4)
+    found = lobes([X], STEADY, X.omega * ratio / (STEADY.flutes * waves))
+    least = 2 * X.stiffness * X.damping * (1 + X.damping) / STEADY.K_rc
+    np.testing.assert_allclose(found, least, rtol=2e-4)
+
+
+def test_depth_of_a_slot_with_four_flutes_at_12_000_rpm() -> None:
+    assert lobes([X], STEADY, [12_000 / 60])[0] * 1e3 == pytest.approx(2.425, abs=1e-3)

@@ -152,6 +152,8 @@ def test_served_forces_are_those_of_the_model(tmp_path):
     assert served["mean_N"] == pytest.approx(predicted.mean(), rel=0.02)
     assert served["peak_low_N"] < served["peak_N"] < served["peak_high_N"]
     assert served["outside"] == ""
+    with pytest.raises(ValueError, match=r"row 1 has .* from 180 to 0 deg: .* 0 <= entry < exit"):
+        SUBMODEL.serve(tmp_path)(table.assign(entry_deg=180.0, exit_deg=0.0))
     further = SUBMODEL.serve(tmp_path)(table.assign(feed_per_tooth_mm=0.3, axial_depth_mm=4.0))
     assert further["outside"].iloc[0] == "feed per tooth, axial depth of cut"
     wide, near = (

@@ -9,6 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline.schema.golden import FrozenSet, GoldenSets
+from pipeline.schema.model import SourceFile
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 from pipeline.stages.identify import identify, judge
@@ -332,3 +334,11 @@ def test_an_axis_that_holds_a_weight_held_it_before_the_command(built):
     rest, held = np.full(many, 0.123), np.full(many, 2.0)
     found, _ = load_residual(built.folder).residual("X", rest, 0 * held, held, PERIOD)
     np.testing.assert_allclose(found, found[0], rtol=0, atol=1e-12)
+
+
+def test_a_frozen_recording_is_judged_as_golden(built: Built) -> None:
+    frozen = FrozenSet(files=(SourceFile(file="feed/p0.csv", sha256="0" * 64),))
+    sets = GoldenSets(machine="rig", golden=frozen)
+    found = SUBMODEL.cases(Records(**built.reads), judging(TRAINING, records()), sets)
+    assert {case.name: case.role for case in found.cases}["feed/p0.csv"] == "golden"
+    assert [case.name for case in found.of("training")] == list(TRAINING[1:])

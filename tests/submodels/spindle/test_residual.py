@@ -207,8 +207,6 @@ SAVE = """
 import sys
 from pathlib import Path
 from pipeline.submodels.spindle.calibration import fitted_forest
-from pipeline.twin.residual import save_forest
-from pipeline.submodels.spindle.residual import fitted_forest
 from pipeline.twin.spindle import save_forest
 from tests.submodels.spindle.test_residual import QUICK, noisy
 save_forest(fitted_forest(noisy(), QUICK), Path(sys.argv[1]))

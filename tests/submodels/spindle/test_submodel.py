@@ -90,11 +90,13 @@ def test_days_without_a_signal_are_refused_with_the_item_that_was_meant(tmp_path
         SUBMODEL.fit(SUBMODEL.cases(records, elsewhere), elsewhere, tmp_path)
 
 
-def verdict_of(made: tuple[Records, Path, SpindleModelFile]) -> Judged:
+def verdict_of(
+    made: tuple[Records, Path, SpindleModelFile], sets: GoldenSets | None = None
+) -> Judged:
     records, folder, model = made
     return judge(
-        model, SUBMODEL.load(folder, JUDGING), SUBMODEL.cases(records, JUDGING),
-        SUBMODEL.targets(JUDGING, model), sets=None, files=records.files,
+        model, SUBMODEL.load(folder, JUDGING), SUBMODEL.cases(records, JUDGING, sets),
+        SUBMODEL.targets(JUDGING, model), sets=sets, files=records.files,
     )  # fmt: skip
 
 
@@ -222,3 +224,11 @@ def test_the_registry_serves_what_the_model_predicts(made):
         served(pd.DataFrame({TARGET: [20.0]}))
     with pytest.raises(ValueError, match="not known in the first row"):
         served(SUBMODEL.example(folder).assign(**{TARGET: np.nan}))
+
+
+def test_a_golden_week_decides(made) -> None:
+    week = Days(first="2026-01-21", last="2026-01-25")
+    frozen = FrozenSet(files=sources(made[0].files, ["2026-01-21.txt"]), days=week)
+    found = verdict_of(made, GoldenSets(machine="mill", golden=frozen)).verdict
+    assert (found.status, found.judged_role) == ("passed", "golden")
+    assert {s.group for s in found.scores if s.role == "golden"} == {"2026-01-21", "all"}

@@ -67,10 +67,10 @@ def test_few_tools_at_one_speed_leave_the_exponent_undetermined() -> None:
 
 
 def test_fewer_than_three_worn_tools_tell_no_life() -> None:
-    with pytest.raises(ValueError, match="2 tools were measured up to VB = 200 um, 3 are needed"):
+    with pytest.raises(ValueError, match=r"3 tools measured up to VB = 200 um are .* are 2"):
         life.fit_life([made_tool(0, 130.0), made_tool(1, 130.0)], SETTINGS)
     unworn = replace(made_tool(2, 130.0), read=np.full(11, np.nan))
-    with pytest.raises(ValueError, match="2 tools"):
+    with pytest.raises(ValueError, match="there are 2"):
         life.fit_life([made_tool(0, 130.0), made_tool(1, 130.0), unworn], SETTINGS)
 
 
