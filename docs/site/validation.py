@@ -50,7 +50,7 @@ SUBJECTS = {
         "from.",
     ),
     "following_residual": Subject(
-        "Residual following error", "following_residual",
+        "Residual following error", "following-residual",
         "Following error predicted by drive model and network on recordings held out: before the "
         "motion, and estimated from measurements that are 20 ms old.",
     ),
