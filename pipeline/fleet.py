@@ -36,7 +36,8 @@ class Fleet:
     def __post_init__(self) -> None:
         if "compensation" in self.submodels:
             raise ValueError(
-                "fleet.submodels.compensation is called following_residual now: rename it there"
+                "fleet.submodels.compensation is called following_residual now: rename it in "
+                "conf/fleet/"
             )
         lists = {
             "simulated": self.simulated, "optimised": self.optimised, "trials": self.trials,

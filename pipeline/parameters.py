@@ -26,6 +26,7 @@ and hashes of its sections."""
 CATALOGUES = ("material", "tool", "catalogue")
 """Sections with what a workshop has in stock and what its handbooks say."""
 RENAMED = {
+    "following_residual": "compensation",
     "following_residual_records": "compensation_records",
     "following_residual_fit": "compensation_fit",
     "following_residual_limits": "compensation_limits",
@@ -33,7 +34,7 @@ RENAMED = {
     "with_residual": "compensated",
     "identified": "sought",
 }
-"""Sections and keys, and the names that they had."""
+"""Sub-models, sections and keys, and the names that they had."""
 NotYaml = yaml.YAMLError
 """Error of reading YAML."""
 

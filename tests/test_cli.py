@@ -1,5 +1,6 @@
 """The command ``kerf`` in a project of its own."""
 
+import gzip
 import json
 import os
 import pty
@@ -275,7 +276,10 @@ def test_a_table_is_predicted_with_the_champion_or_the_latest(tmp_path: Path) ->
     assert found[values].to_numpy() == pytest.approx(expected[values].to_numpy(), nan_ok=True)
     latest = ("--model", "latest")
     (root / "bare.csv").write_text("time\n2026-01-05T08:00:00Z\n")
-    for table, said in (("bare.csv", "has no column"), ("none.csv", "none.csv")):
+    (root / "cut.csv.gz").write_bytes(gzip.compress(b"time,t\n" + b"1,2\n" * 999)[:-9])
+    for table, said in (
+        ("bare.csv", "has no column"), ("none.csv", "none.csv"), ("cut.csv.gz", "is no table"),
+    ):  # fmt: skip
         assert said in refused(
             root, "predict", "-m", MACHINE, "spindle", table, "--out", "q.csv", *latest
         )
@@ -283,6 +287,8 @@ def test_a_table_is_predicted_with_the_champion_or_the_latest(tmp_path: Path) ->
         root, "predict", "-m", MACHINE, "rust", "hour.parquet", "--out", "q.csv", *latest
     )
     assert "'rust'" in said
+    words = ("predict", "-m", MACHINE, "compensation", "hour.parquet", "--out", "q.csv")
+    assert "compensation is called following_residual now" in refused(root, *words)
     assert not (root / "q.csv").exists()
 
 

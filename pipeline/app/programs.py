@@ -1,6 +1,7 @@
 """Part programs on the command line: interpretation, planning, prediction."""
 
 import re
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,7 +17,7 @@ from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, output_lines, read_program
 from pipeline.gcode.setup import MachineLimits, Setup
 from pipeline.machine.control.parameters import ControlParameters, of_dialect
-from pipeline.parameters import structure
+from pipeline.parameters import RENAMED, structure
 from pipeline.schema.files import replacing
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import UsedModel, Verdict
@@ -332,19 +333,24 @@ def predict_table(
     from pipeline.submodels.contract import submodel
 
     machine_parameters(machine)  # refuses one that is not known
+    if now := {was: now for now, was in RENAMED.items()}.get(name):
+        raise ValueError(f"the sub-model {name} is called {now} now: give that name")
     one = submodel(name)
     folder = stored_model(machine, model, one)
     check_outputs(table, out)
     try:
         read = pd.read_parquet if table.suffix == ".parquet" else pd.read_csv
         given = read(table)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, EOFError, zlib.error) as error:
         said = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise ValueError(f"{table} is no table of CSV or Parquet: {said}") from error
     try:
         found = one.answer(folder)(given)
     except KeyError as error:
         raise ValueError(f"{table} has no column {error}: give the inputs of {name}") from error
+    if set(found.columns) <= set(given.columns):
+        wanted = ", ".join(map(str, one.example(folder).columns))
+        raise ValueError(f"{table} has the inputs of no axis: give the columns {wanted}")
     if out.suffix == ".parquet":
         with replacing(out) as part:
             found.to_parquet(part, compression="zstd")
@@ -354,4 +360,9 @@ def predict_table(
     for column, why in one.unknown_columns(folder).items():
         if column in found:
             unknown.setdefault(why, []).append(column)
-    return len(found), tuple(f"{', '.join(names)}: {why}" for why, names in unknown.items())
+    notes = [f"{', '.join(names)}: {why}" for why, names in unknown.items()]
+    judged = folder / "verdict.json"
+    status = read_json(judged, Verdict).status if judged.exists() else "not judged"
+    if status != "passed":
+        notes.append(f"the model of {name} {VERDICT_WORDS[status]}: use this for trials alone")
+    return len(found), tuple(notes)

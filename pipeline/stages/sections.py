@@ -8,7 +8,7 @@ from pipeline.cutting.economics.cost import EnergyParameters
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.stability.tip_dynamics import TipModes
 from pipeline.fleet import Fleet
-from pipeline.parameters import section_path, structure
+from pipeline.parameters import RENAMED, section_path, structure
 from pipeline.stages.__main__ import load_stage
 from pipeline.stages.code import NO_STAGES
 from pipeline.submodels.contract import submodels
@@ -57,6 +57,9 @@ def check(values: dict[str, Any]) -> None:
 
 def _known(name: str, path: str, types: dict[str, Any]) -> None:
     if name not in types:
+        renamed = {was: now for now, was in RENAMED.items()}.get(name)
         near = get_close_matches(name, types, 1)
         hint = f", did you mean {near[0]}?" if near else ":"
+        if renamed in types:
+            raise ValueError(f"section {path} is called {renamed} now: rename it in conf/")
         raise ValueError(f"no stage reads section {path}{hint} correct or remove it in conf/")

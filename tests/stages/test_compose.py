@@ -179,6 +179,10 @@ def test_a_section_of_a_machine_that_no_list_names_is_checked_as_well(root: Path
         ValueError, match=r"section machine\.mill02\.wear_lives, did you mean wear_life"
     ):
         compose(root / "conf", root / "params.yaml", root / "data/settings")
+    old = known.replace("\nfollowing_residual_records:", "\ncompensation_records:")
+    machine.write_text(old)
+    with pytest.raises(ValueError, match="is called following_residual_records now: rename it"):
+        compose(root / "conf", root / "params.yaml", root / "data/settings")
     machine.write_text(known.replace("\nenergy:", "\nwear_life:"))
     with pytest.raises(ValueError, match=r"conf does not compose: .*duplicate key wear_life"):
         compose(root / "conf", root / "params.yaml", root / "data/settings")

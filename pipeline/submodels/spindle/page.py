@@ -27,13 +27,13 @@ MEANINGS = {
     "copper": "copper loss, grows with load squared",
     "windage": "air and iron losses, grow with speed squared",
     "position_hold": "heat while the position loop holds the spindle",
-    "cooling_rate": "heat exchange with the surround over heat capacity",
+    "cooling_rate": "heat exchange with the surroundings over heat capacity",
     "coupling_rate": "heat exchange of the measured node with the body",
-    "body_cooling_rate": "heat exchange of the body with the surround",
+    "body_cooling_rate": "heat exchange of the body with the surroundings",
     "coolant_rate": "heat exchange with the coolant over heat capacity",
     "capacity_ratio": "heat capacity of the measured node over the body’s",
-    "ambient": "temperature of the surround",
-    "ambient_offset": "surround of the spindle above the measured ambient",
+    "ambient": "temperature of the surroundings",
+    "ambient_offset": "surroundings of the spindle above the measured ambient",
 }
 """Meaning of the thermal network's parameters, in words."""
 BIN_S = 300.0
@@ -124,7 +124,7 @@ def _body_words(network: SpindleThermalParameters) -> str:
     if network.fixed_body:
         return "stays as warm as the day began."
     bearings = "is heated by the bearings and " if network.friction_in_body else ""
-    return f"{bearings}loses its own to the surround."
+    return f"{bearings}loses its own to the surroundings."
 
 
 FIGURES: tuple[Column[tuple[str, str]], ...] = (

@@ -11,6 +11,7 @@ far it is off on tools that were held out has to be measured.
 """
 
 import json
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -224,7 +225,7 @@ def read_windows(path: Path, served: Synthesis, most: int = 2) -> list[Floats]:
     try:
         parquet = path.suffix == ".parquet"
         table = pd.read_parquet(path) if parquet else pd.read_csv(path, comment="#")
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, EOFError, zlib.error) as error:
         said = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise ValueError(f"{path} is no table of CSV or Parquet: {said}") from error
     table = table.rename(columns=lambda name: str(name).partition(" [")[0])
