@@ -5,6 +5,6 @@ and remembers the hash of each.
 """
 
 __all__ = [
-    "bands", "judged", "numbers", "parameters", "sections", "sources", "submodel_page", "svg",
-    "tables",
+    "bands", "cases", "judged", "numbers", "parameters", "sections", "sources", "submodel_page",
+    "svg", "tables",
 ]  # fmt: skip
