@@ -26,15 +26,15 @@ and hashes of its sections."""
 CATALOGUES = ("material", "tool", "catalogue")
 """Sections with what a workshop has in stock and what its handbooks say."""
 RENAMED = {
-    "following_residual": "compensation",
-    "following_residual_records": "compensation_records",
-    "following_residual_fit": "compensation_fit",
-    "following_residual_limits": "compensation_limits",
-    "command_correction": "correction",
-    "with_residual": "compensated",
-    "identified": "sought",
+    "compensation": "following_residual",
+    "compensation_records": "following_residual_records",
+    "compensation_fit": "following_residual_fit",
+    "compensation_limits": "following_residual_limits",
+    "correction": "command_correction",
+    "compensated": "with_residual",
+    "sought": "identified",
 }
-"""Sub-models, sections and keys, and the names that they had."""
+"""Sub-models, sections and keys by the names that they had."""
 NotYaml = yaml.YAMLError
 """Error of reading YAML."""
 
@@ -155,8 +155,9 @@ def structure(values: dict[str, Any], path: str, wanted: type[T]) -> T:
     found: Any = values
     for key in path.split("."):
         if not isinstance(found, dict) or key not in found:
-            was, there = RENAMED.get(key), found if isinstance(found, dict) else {}
-            mend = f"it was called {was}, rename it" if was in there else "add it"
+            there = found if isinstance(found, dict) else {}
+            was = [one for one, now in RENAMED.items() if now == key and one in there]
+            mend = f"it was called {was[0]}, rename it" if was else "add it"
             raise ParametersError(
                 f"params.yaml has no section {path}: {mend} in conf/ and run `dvc repro compose`"
             )
@@ -165,7 +166,7 @@ def structure(values: dict[str, Any], path: str, wanted: type[T]) -> T:
         return structured(found, wanted, path)
     except ValueError as error:
         renamed = [f"{path}.{was} is called {now} now: rename it in conf/"
-                   for now, was in RENAMED.items() if f"({was})" in str(error)]  # fmt: skip
+                   for was, now in RENAMED.items() if f"({was})" in str(error)]  # fmt: skip
         raise ParametersError(f"params.yaml, {'; '.join(renamed) or error}") from error
 
 

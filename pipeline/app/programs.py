@@ -333,7 +333,7 @@ def predict_table(
     from pipeline.submodels.contract import submodel
 
     machine_parameters(machine)  # refuses one that is not known
-    if now := {was: now for now, was in RENAMED.items()}.get(name):
+    if now := RENAMED.get(name):
         raise ValueError(f"the sub-model {name} is called {now} now: give that name")
     one = submodel(name)
     folder = stored_model(machine, model, one)

@@ -57,9 +57,8 @@ def check(values: dict[str, Any]) -> None:
 
 def _known(name: str, path: str, types: dict[str, Any]) -> None:
     if name not in types:
-        renamed = {was: now for now, was in RENAMED.items()}.get(name)
+        if (now := RENAMED.get(name)) in types:
+            raise ValueError(f"section {path} is called {now} now: rename it in conf/")
         near = get_close_matches(name, types, 1)
         hint = f", did you mean {near[0]}?" if near else ":"
-        if renamed in types:
-            raise ValueError(f"section {path} is called {renamed} now: rename it in conf/")
         raise ValueError(f"no stage reads section {path}{hint} correct or remove it in conf/")
