@@ -297,22 +297,22 @@ def written(rng: random.Random, depth: int, exact: bool = False) -> str:
     """An expression of LinuxCNC whose value is likely to exist.
 
     ``exact`` leaves out what LinuxCNC rounds otherwise (in long double), because a step function of
-    it may jump.
+    it may jump, as the two-argument arctangent does where both are 0 but for rounding.
     """
     if depth == 0:
         return rng.choice(["1", "2.5", "-3", ".75", "10", "#1", "#2", "#<gap>", "0", "-#3"])
     case = rng.randrange(6)
-    exact = exact or case in (1, 2)
-    a, b = written(rng, depth - 1, exact), written(rng, rng.randrange(depth), exact)
+    inside = exact or case in (1, 2, 4)
+    a, b = written(rng, depth - 1, inside), written(rng, rng.randrange(depth), inside)
     match case:
         case 0:
-            return f"[{a}]{rng.choice(['+', '-', '*', '/'] if exact else SMOOTH)}[{b}]"
+            return f"[{a}]{rng.choice(['+', '-', '*', '/'] if inside else SMOOTH)}[{b}]"
         case 1:
             return f"{a}{rng.choice([*STEPS, '+', '-', '*'])}{b}"
         case 2:
             return f"{rng.choice(['fix', 'fup', 'round'])}[{a}]"
         case 3:
-            return f"{rng.choice(['abs'] if exact else ['sin', 'cos', 'abs', 'sqrt'])}[{a}]"
+            return f"{rng.choice(['abs'] if inside else ['sin', 'cos', 'abs', 'sqrt'])}[{a}]"
         case 4 if not exact:
             return f"atan[{a}]/[{b}]"
         case _:
@@ -339,7 +339,8 @@ def test_values_are_those_of_linuxcnc(tmp_path: Path, many: int) -> None:
             texts.append(text)
             ours.append(found)
     program = ["#1=2", "#2=-0.5", "#3=4", "#<gap>=0.25"]
-    program += [line for text in texts for line in (f"#9=[{text}]", "(print,#9)")]
+    # a print has six decimals, and what is below 1e-4 is printed as 0: values are printed in millionths
+    program += [line for text in texts for line in (f"#9=[[{text}]*1000000]", "(print,#9)")]
     (tmp_path / "expressions.ngc").write_text("\n".join([*program, "m2", ""]))
     (tmp_path / "tool.tbl").touch()  # without one it reads an example's
     done = subprocess.run(
@@ -349,7 +350,7 @@ def test_values_are_those_of_linuxcnc(tmp_path: Path, many: int) -> None:
     theirs = [float(line) for line in done.stdout.splitlines() if " N....." not in line]
     assert len(theirs) == len(ours), done.stderr
     for text, mine, other in zip(texts, ours, theirs, strict=True):
-        assert mine == pytest.approx(other, abs=1e-6), text  # printed with six decimals
+        assert 1e6 * mine == pytest.approx(other, rel=1e-9, abs=1e-3), text
 
 
 NUMBER = st.integers(-50, 50).map(lambda n: f"{n / 8}")
