@@ -48,6 +48,7 @@ from pipeline.charts.sections import (
 )
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import Table, sources
+from pipeline.charts.words import PageWords
 from pipeline.schema.model import Model
 from pipeline.schema.verdict import Figures as Errors
 from pipeline.schema.verdict import Score, Verdict
@@ -233,6 +234,12 @@ class PageContent:
     """Further tables of the truth."""
     changed: ChangeNote = unremarkable
     """Meaning of a change of a parameter since the last report."""
+
+
+def declared(words: PageWords, **own: Any) -> PageContent:
+    """Page content of a sub-model: the words of its file, and what is of these records."""
+    counts = [Counting(**row) for row in words.content.get("counts", ())]
+    return PageContent(**{"meaning": words.meaning, **words.content, "counts": counts, **own})
 
 
 @dataclass(frozen=True, kw_only=True)

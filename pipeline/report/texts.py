@@ -9,7 +9,7 @@ sub-models, deadlines, sources), each under its English words.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -17,14 +17,11 @@ from string import Formatter
 from typing import Any
 
 from pipeline.charts import numbers
+from pipeline.charts.words import Entry, flat_entries, form_of
 
 FOLDER = Path(__file__).parent / "languages"
 CONTRIBUTED = "contributed"
 """Table of a language's file with phrases that are written elsewhere, in English."""
-PLURAL = {"one", "other"}
-
-Entry = str | Mapping[str, str]
-"""A text, or its forms ``one`` and ``other``."""
 
 
 @dataclass(frozen=True)
@@ -47,11 +44,9 @@ class Texts:
         entry = self.entries.get(key)
         if entry is None:
             raise ValueError(f"languages/{self.language}.toml has no text {key!r}: add it there")
-        if not isinstance(entry, str):
-            entry = entry["one" if count == 1 else "other"]
         given = fields if count is None else {"count": self.number(count), **fields}
         try:
-            return entry.format(**given)
+            return form_of(entry, count).format(**given)
         except KeyError as error:
             raise ValueError(
                 f"text {key!r} of languages/{self.language}.toml has the field {error}, and the "
@@ -157,19 +152,10 @@ def texts(language: str) -> Texts:
         )
     document = tomllib.loads((FOLDER / f"{language}.toml").read_text(encoding="utf-8"))
     contributed = document.pop(CONTRIBUTED, {})
-    found = Texts(language, dict(_entries(document)), contributed)
+    found = Texts(language, dict(flat_entries(document)), contributed)
     if language != "en":
         check_like(found, texts("en"))
     return found
-
-
-def _entries(table: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Entry]]:
-    """Texts by dotted key."""
-    for name, value in table.items():
-        if isinstance(value, str) or set(value) == PLURAL:
-            yield above + name, value
-        else:
-            yield from _entries(value, f"{above}{name}.")
 
 
 def check_like(translation: Texts, model: Texts) -> None:

@@ -47,16 +47,21 @@ OVER_ALL = {"champion", "report"}
 
 
 def _beside(package: Path, name: str) -> str:
-    """Hash of the files of a module's folder that are no code: templates, tables of texts."""
-    folder = package.parent.joinpath(*name.split("."))
-    if not folder.is_dir():
-        return ""
+    """Hash of a module's files that are no code: texts of its name, or what lies in its folder."""
+    module = package.parent.joinpath(*name.split("."))
     others = [
-        path for path in sorted(folder.rglob("*"))
+        path for path in sorted(module.rglob("*") if module.is_dir() else module.parent.glob("*.*"))
         if path.is_file() and path.suffix != ".py" and "__pycache__" not in path.parts
-        and next(one for one in path.parents if (one / "__init__.py").exists()) == folder
+        and _owner(path) == module
     ]  # fmt: skip
     return _digest(f"{one.name} {sha256(one.read_bytes()).hexdigest()}" for one in others)
+
+
+def _owner(path: Path) -> Path:
+    """Module that a file belongs to: that of its name beside it, else the package it lies in."""
+    if path.with_suffix(".py").exists():
+        return path.with_suffix("")
+    return next(folder for folder in path.parents if (folder / "__init__.py").exists())
 
 
 def _digest(parts: Iterable[str]) -> str:

@@ -339,7 +339,7 @@ def test_values_are_those_of_linuxcnc(tmp_path: Path, many: int) -> None:
             texts.append(text)
             ours.append(found)
     program = ["#1=2", "#2=-0.5", "#3=4", "#<gap>=0.25"]
-    # a print has six decimals, and what is below 1e-4 is printed as 0: values are printed in millionths
+    # values are printed in millionths: a print has six decimals, and writes 0 below 1e-4
     program += [line for text in texts for line in (f"#9=[[{text}]*1000000]", "(print,#9)")]
     (tmp_path / "expressions.ngc").write_text("\n".join([*program, "m2", ""]))
     (tmp_path / "tool.tbl").touch()  # without one it reads an example's

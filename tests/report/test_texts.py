@@ -14,12 +14,12 @@ from page_reader import outline, words
 from report_folders import FLEET, UTC_NS, empty_machine, machine, nanoseconds, write_table
 from test_part_programs import cuts, with_parts
 
+from pipeline.charts.words import Entry
 from pipeline.report.folders import MachineFolders
 from pipeline.report.pages import write_report
 from pipeline.report.texts import (
     ENGLISH,
     FOLDER,
-    Entry,
     ReportSettings,
     Texts,
     check_like,
