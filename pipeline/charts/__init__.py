@@ -7,4 +7,5 @@ and remembers the hash of each.
 __all__ = [
     "bands", "cases", "judged", "numbers", "parameters", "sections", "sources", "submodel_page",
     "svg", "tables",
+    "words",
 ]  # fmt: skip
