@@ -34,7 +34,15 @@ from pipeline.nets.dcgan import (
     encoded,
 )
 from pipeline.nets.dcgan_settings import ConditionSpace, GanSettings, GanTraining
-from pipeline.nets.descent import Adam, Diverged, autocast, cooled, flat, usable_precision
+from pipeline.nets.descent import (
+    Adam,
+    Diverged,
+    autocast,
+    cooled,
+    flat,
+    training_loop,
+    usable_precision,
+)
 from pipeline.nets.diversity import band_edges
 from pipeline.nets.stored import reproducible, samples
 
@@ -270,22 +278,21 @@ class _Loop:
         watch: Watch | None,
     ) -> None:  # fmt: skip
         """Train to the last step, or until a watch ends it."""
-        sums, many = torch.zeros(2), 0
-        for done in range(1, self.training.steps + 1):
-            sums += self._step(data, done)
-            many += 1
-            if done % self.training.every and done != self.training.steps:
-                continue
-            losses = [float(one) for one in sums / many]
+        sums = torch.zeros(2)
+
+        def stopped(done: int) -> bool:
+            losses = (sums / (done % self.training.every or self.training.every)).tolist()
+            sums.zero_()
             if not np.isfinite(losses).all():
                 raise Diverged(
                     f"adversarial training diverged within {done} steps: lower "
                     f"gan_training.learning_rate from {self.training.learning_rate:g}"
                 )
             self.history.append((float(done), losses[0], losses[1]))
-            sums, many = torch.zeros_like(sums), 0
-            if watch is not None and watch(done, so_far):
-                break
+            return watch is not None and bool(watch(done, so_far))
+
+        for done in training_loop(self.training.steps, stopped, self.training.every):
+            sums += self._step(data, done)
 
     def _step(self, data: tuple[Tensor, Tensor, Tensor], done: int) -> Tensor:
         """One step of each network; their losses, shape (2,)."""

@@ -1,10 +1,10 @@
-"""Descent of all networks: Adam on one vector of weights, the best state so far, what stops it.
+"""Descent of networks: Adam on one vector of weights, the training loop, the best state so far.
 
 On sixty small tensors a step of ``torch.optim`` takes longer than a small network, and it imports a
 compiler.  Source: Kingma and Ba 2015.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from math import inf, isfinite
 
@@ -65,6 +65,18 @@ class Adam:
             if self.decay:
                 self.values.mul_(1.0 - self.rate * self.decay)
             self.values.addcdiv_(self.mean, size, value=-self.rate / left[0])
+
+
+def training_loop(many: int, stopped: Callable[[int], bool], every: int = 1) -> Iterator[int]:
+    """Loop of every training: passes 1, 2, … to make, until all are done or ``stopped`` ends it.
+
+    ``stopped`` is called every so many passes and after the last: it records errors and returns
+    whether the training is over.
+    """
+    for done in range(1, many + 1):
+        yield done
+        if (done % every == 0 or done == many) and stopped(done):
+            return
 
 
 class Diverged(ValueError):  # noqa: N818

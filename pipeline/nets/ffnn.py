@@ -107,14 +107,13 @@ class FilteredNetwork(nn.Module, ABC):
         return torch.as_tensor(gram) / len(y), torch.as_tensor(moment) / len(y)
 
     @torch.no_grad()
-    def solve_consequents(self, x: Tensor, c: Tensor, y: Tensor, ridge: float) -> Tensor:
-        """Set the consequents to those of ridge least squares; shape (J, K + 1).
+    def solve_consequents(self, x: Tensor, c: Tensor, y: Tensor, ridge: float) -> None:
+        """Set the consequents to those of ridge least squares.
 
         Least is mean((A b - y)^2) + ``ridge`` b'b over samples x (T, N), c (T, K), y (T,).
         """
         found = ridge_solution(*self.normal_equations(self.bands, x, c, y), ridge)
         self.consequents.copy_(found.view_as(self.consequents))
-        return self.consequents.detach().clone()
 
     @torch.no_grad()
     def keep_bounds(self) -> None:

@@ -21,7 +21,7 @@ from torch import Tensor
 
 from pipeline.kernels import compiled
 from pipeline.nets import stored
-from pipeline.nets.descent import BestState, validation_groups
+from pipeline.nets.descent import BestState, training_loop, validation_groups
 from pipeline.nets.ffnn import (
     BackPropagationNetwork,
     FilteredNetwork,
@@ -256,14 +256,14 @@ def _projection(progress: Progress, settings: TrainingSettings, generator: torch
     """Adam on the bands, with the consequents of ridge least squares at every step."""
     built, (x, c, y) = progress.bands, progress.training
     optimizer = torch.optim.Adam([built.places], lr=settings.learning_rate, fused=True)
-    for done in range(1, settings.passes + 1):
-        b = built.solve_consequents(x, c, y, settings.ridge)
-        if progress.stopped(done):
-            return
-        optimizer.zero_grad()
-        torch.mean((built.output(b, x, c) - y) ** 2).backward()
-        optimizer.step()
-        built.keep_bounds()
+    for done in training_loop(settings.passes, progress.stopped):
+        if done > 1:
+            optimizer.zero_grad()
+            found = built.output(built.consequents.detach(), x, c)
+            torch.mean((found - y) ** 2).backward()
+            optimizer.step()
+            built.keep_bounds()
+        built.solve_consequents(x, c, y, settings.ridge)
 
 
 def _gradient(progress: Progress, settings: TrainingSettings, generator: torch.Generator) -> None:
@@ -271,12 +271,13 @@ def _gradient(progress: Progress, settings: TrainingSettings, generator: torch.G
     built, (x, c, y), whitened = progress.built, progress.training, None
     if isinstance(built, FilteredNetwork):
         whitened = Whitened(built, x, c, y, settings.ridge)
-        progress.stopped(1)  # its least squares are a pass
     parameters = whitened.parameters if whitened else list(built.parameters())
     output = whitened or built
     optimizer = torch.optim.Adam(parameters, lr=settings.learning_rate, fused=True)
     rate = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, T_max=settings.passes)
-    for done in range(2 if whitened else 1, settings.passes + 1):
+    for done in training_loop(settings.passes, progress.stopped):
+        if whitened and done == 1:
+            continue  # its least squares are a pass
         for rows in torch.randperm(len(y), generator=generator).split(settings.batch):
             optimizer.zero_grad()
             torch.mean((output(x[rows], c[rows]) - y[rows]) ** 2).backward()
@@ -286,8 +287,6 @@ def _gradient(progress: Progress, settings: TrainingSettings, generator: torch.G
         rate.step()
         if whitened:
             whitened.settle()
-        if progress.stopped(done):
-            return
 
 
 def _descent(progress: Progress, settings: TrainingSettings, generator: torch.Generator) -> None:
@@ -298,11 +297,9 @@ def _descent(progress: Progress, settings: TrainingSettings, generator: torch.Ge
     inputs = np.ascontiguousarray(built.inputs(x, c).numpy())
     weights = [p.detach().numpy() for p in built.parameters()]  # views: changed in place
     scratch = np.empty(len(weights[1]))
-    for done in range(1, settings.passes + 1):
+    for _ in training_loop(settings.passes, progress.stopped):
         order = torch.randperm(len(y), generator=generator).numpy()
         descend(order, inputs, y.numpy(), *weights, scratch, settings.learning_rate)
-        if progress.stopped(done):
-            return
 
 
 @compiled

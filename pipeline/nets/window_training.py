@@ -18,6 +18,7 @@ from pipeline.nets.descent import (
     BestState,
     autocast,
     cooled,
+    training_loop,
     usable_precision,
     validation_groups,
 )
@@ -195,8 +196,10 @@ def train_windows(
             state = BestState(built, "the linear model has no finite error: raise arx.ridge")
             state.add(1, least, _rmse(built, validation) if kept else least)
         else:
-            loop = _Loop(built, settings, precision, generator, of_y.scale)
-            state = loop.run(training, validation, watch)
+            state = _trained(
+                built, settings, precision, generator, training, validation,
+                unit=float(of_y.scale), watch=watch,
+            )  # fmt: skip
     return TrainedSequence(
         kind=kind, settings=settings, precision=precision, length=x.shape[1],
         inputs=windows.inputs, leaks=windows.leaks, x_scaling=of_x, y_scaling=of_y,
@@ -204,50 +207,39 @@ def train_windows(
     )  # fmt: skip
 
 
-class _Loop:
-    """Adam over batches of windows."""
+def _trained(
+    built: SequenceNetwork, settings: WindowTraining, precision: str, generator: torch.Generator,
+    training: Samples, validation: Samples, *, unit: float, watch: Watch | None,
+) -> BestState:  # fmt: skip
+    """Errors by epoch of Adam over batches of windows; the network is left in its best state."""
+    names, weights = zip(*built.named_parameters(), strict=True)
+    l2 = [0.0 if "bias" in name else settings.l2 for name in names]
+    adam = Adam(weights, settings.learning_rate, l2=l2)
+    state = BestState(
+        built,
+        "training diverged in its first epoch: lower window_training.learning_rate from "
+        f"{settings.learning_rate:g}",
+    )
+    (x, y), total = training, torch.zeros(())
 
-    def __init__(
-        self, built: SequenceNetwork, settings: WindowTraining, precision: str,
-        generator: torch.Generator, unit: Floats,
-    ) -> None:  # fmt: skip
-        self.built, self.settings, self.precision = built, settings, precision
-        self.generator, self.unit = generator, float(unit)
-        names, weights = zip(*built.named_parameters(), strict=True)
-        l2 = [0.0 if "bias" in name else settings.l2 for name in names]
-        self.adam = Adam(weights, settings.learning_rate, l2=l2)
+    def stopped(done: int) -> bool:
+        learnt = float(torch.sqrt(total / len(y)))  # RMSE that the epoch's steps met
+        error = _rmse(built, validation) if len(validation[1]) else learnt
+        if not state.add(done, learnt, error):
+            return True
+        return bool(watch and watch(done, unit * error)) or state.idle >= settings.patience
 
-    def run(self, training: Samples, validation: Samples, watch: Watch | None) -> BestState:
-        """Train, and give the network its best state."""
-        settings = self.settings
-        state = BestState(
-            self.built,
-            "training diverged in its first epoch: lower window_training.learning_rate from "
-            f"{settings.learning_rate:g}",
-        )
-        for done in range(1, settings.epochs + 1):
-            self.adam.rate = settings.learning_rate * cooled(
-                done, settings.epochs, settings.cooling
-            )
-            learnt = self._epoch(*training)
-            error = _rmse(self.built, validation) if len(validation[1]) else learnt
-            if not state.add(done, learnt, error):
-                break
-            if (watch and watch(done, self.unit * error)) or state.idle >= settings.patience:
-                break
-        state.keep_best()
-        return state
-
-    def _epoch(self, x: Tensor, y: Tensor) -> float:
-        """One pass over all windows in a new order; the RMSE that its steps met."""
-        total = torch.zeros(())
-        for rows in torch.randperm(len(y), generator=self.generator).split(self.settings.batch):
-            with autocast(self.precision):
-                found = self.built(x[rows])
+    for done in training_loop(settings.epochs, stopped):
+        adam.rate = settings.learning_rate * cooled(done, settings.epochs, settings.cooling)
+        total.zero_()
+        for rows in torch.randperm(len(y), generator=generator).split(settings.batch):
+            with autocast(precision):
+                found = built(x[rows])
             loss = torch.nn.functional.mse_loss(found.float(), y[rows])
-            self.adam.step(loss)
+            adam.step(loss)
             total += loss.detach() * len(rows)
-        return float(torch.sqrt(total / len(y)))
+    state.keep_best()
+    return state
 
 
 def _chosen(scaled: Samples, rows: Bools) -> Samples:

@@ -1,4 +1,4 @@
-"""Statistics of fits: covariance of least squares in blocks, gains over days, rounding of sensors.
+"""Statistics of fits: clustered covariance, jackknife, gains over days, rounding of sensors.
 
 The error of rounding is the same for as long as a sensor shows one value, and uniform within half
 a step from there to there.  So the difference of two mean errors has a standard deviation, and what
@@ -21,6 +21,8 @@ FEWEST = 3
 """Least number of blocks for each parameter [1], if need be at the cost of their length."""
 
 
+NORMAL_95 = 1.96
+"""Half of a 95 % interval of a normal distribution over its standard deviation [1]."""
 DRAWN = 8
 """Ensembles that are drawn from the members of one [1]."""
 
@@ -34,6 +36,13 @@ def drawn_again(members: Floats) -> dict[str, Floats]:
     many = len(members)
     drawn = np.random.default_rng(0).integers(0, many, (DRAWN if many > 1 else 0, many))
     return {f"{AGAIN}{k}": members[rows].mean(axis=0) for k, rows in enumerate(drawn)}
+
+
+def student_quantile(freedom: float, share: float = 0.975) -> float:
+    """Quantile of Student's t [1]: half of a 95 % interval over the standard deviation."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(freedom, share))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,19 +73,23 @@ class Factor:
         return self.value != 0 and self.half_width <= widest * abs(self.value)
 
 
-def uncertainty_of(jacobian: Floats, residuals: Floats, blocks: NDArray[np.int64]) -> Uncertainty:
+def uncertainty_of(
+    jacobian: Floats, residuals: Floats, blocks: NDArray[np.int64], noise: float = 0.0
+) -> Uncertainty:
     """Uncertainty of a least-squares optimum from its Jacobian, residuals and blocks.
 
     The residuals of a fitted recording hang together over minutes to hours, so that the textbook
     covariance s^2 (J'J)^-1 is far too narrow.  This one is clustered: H^-1 (sum_b g_b g_b') H^-1
     with g_b = J_b' r_b over blocks (Liang and Zeger 1986), scaled by B / (B - D), with Student's t
-    of B - D degrees of freedom.
+    of B - D degrees of freedom.  It underestimates the variance in a direction that only few blocks
+    excite: where two parameters do the same to these, the residuals have no part along their
+    difference.  So half widths are at least those of independent residuals of standard deviation
+    ``noise``.
 
-    ``jacobian`` (N, D) of the ``residuals`` (N,) at the optimum; ``blocks`` (N,) number the block
-    of each.
+    ``jacobian`` (N, D) of the ``residuals`` (N,) at the optimum, of instrumental variables the
+    regressors as their instruments predict them (two-stage least squares); ``blocks`` (N,) number
+    the block of each.
     """
-    from scipy.special import stdtrit
-
     n_blocks, n = len(np.unique(blocks)), jacobian.shape[1]
     scale = np.linalg.norm(jacobian, axis=0)
     scale[scale == 0] = 1.0
@@ -96,9 +109,10 @@ def uncertainty_of(jacobian: Floats, residuals: Floats, blocks: NDArray[np.int64
     covariance /= np.outer(scale, scale)
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0))
     safe = np.where(deviation > 0, deviation, 1.0)
+    half_width = student_quantile(freedom) * deviation if enough else np.full(n, np.inf)
     return Uncertainty(
         covariance=covariance,
-        half_width=stdtrit(freedom, 0.975) * deviation if enough else np.full(n, np.inf),
+        half_width=np.maximum(half_width, 2 * noise * np.sqrt(np.diag(inverse)) / scale),
         condition=condition,
         correlation=covariance / np.outer(safe, safe),
     )
@@ -134,20 +148,28 @@ def block_numbers(residuals: Floats, stretch: Ints, parameters: int) -> Ints:
     return (np.arange(many) / length).astype(np.int64)
 
 
-def textbook_half_width(jacobian: Floats, noise: float) -> Floats:
-    """Half of the 95 % interval if residuals were independent, of standard deviation ``noise``.
+def jackknife_deviation(left: Floats) -> Floats:
+    """Standard deviation of estimates by the jackknife over K left-out groups, shape (...).
 
-    Clustered residuals underestimate the variance in a direction that only few blocks excite: where
-    two parameters do the same to these, the residuals have no part along their difference.
-
-    ``jacobian`` (N, D) of the residuals, ``noise`` in their unit; shape (D,).
+    ``left`` (K, ...) are the estimates without each group in turn; the variance is
+    (K - 1) / K sum_k (left_k - mean)^2 (Quenouille 1956, Tukey 1958).
     """
-    length = np.linalg.norm(jacobian, axis=0)
-    length = np.where(length > 0, length, 1.0)
-    triangle = np.linalg.qr(jacobian / length, mode="r")
-    _, singular, right = np.linalg.svd(triangle, full_matrices=False)
-    spread = np.sqrt(((right / np.maximum(singular, 1e-12)[:, None]) ** 2).sum(axis=0))
-    return 2 * noise * spread / length
+    deviation: Floats = np.sqrt((len(left) - 1) * left.var(axis=0))
+    return deviation
+
+
+def jackknife_half_width(left: Floats) -> Floats:
+    """Half of the 95 % interval by the jackknife: Student's t of K - 1 degrees of freedom.
+
+    Examples
+    --------
+    Of a mean it is the interval of the textbook, t s / sqrt(K):
+
+    >>> values = np.array([0.9, 1.0, 1.1, 1.0])
+    >>> round(float(jackknife_half_width((values.sum() - values) / 3)), 4)
+    0.1299
+    """
+    return student_quantile(len(left) - 1) * jackknife_deviation(left)
 
 
 def spread_of(values: Floats) -> float:
@@ -160,9 +182,7 @@ def spread_of(values: Floats) -> float:
     >>> round(spread_of(np.array([0.9, 1.0, 1.1, 1.0])), 4)
     0.2598
     """
-    from scipy.special import stdtrit
-
-    return significant(stdtrit(len(values) - 1, 0.975) * np.std(values, ddof=1))
+    return significant(student_quantile(len(values) - 1) * float(np.std(values, ddof=1)))
 
 
 def rank_correlation(one: ArrayLike, other: ArrayLike) -> float:
@@ -209,16 +229,13 @@ def gains(
     the chance of keeping a richer model that is no better [1]; ``fewest`` days are asked for, two
     or more; of two, both have to gain nearly the same.
     """
-    from scipy.special import stdtrit
-
     if len(simple) < fewest or np.allclose(simple, rich):
         return False
     gain, many = simple - rich, len(simple)
-    needed = stdtrit(many - 1, 1 - level) * gain.std(ddof=1) / np.sqrt(many)
+    needed = student_quantile(many - 1, 1 - level) * gain.std(ddof=1) / np.sqrt(many)
     return bool(gain.mean() > needed)
 
 
-NORMAL_95 = 1.96
 FEWEST_VALUES = 5
 """Different values from which on their steps tell a resolution."""
 OFF_GRID = 0.05

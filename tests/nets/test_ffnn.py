@@ -112,7 +112,8 @@ def test_a_population_of_bands_is_one_by_one(kind: NetworkSettings) -> None:
         torch.testing.assert_close(moment[k, :, 0], a.mT @ y / 5000, rtol=1e-10, atol=1e-13)
     found = ffnn.ridge_solution(gram, moment, 1e-6)
     made.set_bands(bands[4])
-    alone = made.solve_consequents(x, c, y, 1e-6).flatten()
+    made.solve_consequents(x, c, y, 1e-6)
+    alone = made.consequents.detach().flatten()
     torch.testing.assert_close(found[4, :, 0], alone, rtol=1e-6, atol=1e-8)
 
 
@@ -124,7 +125,8 @@ def test_consequents_are_those_of_an_augmented_least_squares(
     """Orthogonal, of twice the digits that normal equations have."""
     made = built(kind)
     x, c, y = some(400)
-    found = made.solve_consequents(x, c, y, ridge).flatten().numpy()
+    made.solve_consequents(x, c, y, ridge)
+    found = made.consequents.detach().flatten().numpy()
     a = made.designs(made.bands, x, c).detach().numpy()
     columns = a.shape[1]
     rows = np.concatenate([a, np.sqrt(400 * ridge) * np.eye(columns)])

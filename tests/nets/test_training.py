@@ -11,7 +11,7 @@ import pytest
 import torch
 from torch import nn
 
-from pipeline.nets.descent import Adam
+from pipeline.nets.descent import Adam, training_loop
 from pipeline.nets.ffnn import network
 from pipeline.nets.settings import (
     BackPropagationSettings,
@@ -267,6 +267,20 @@ def test_settings_are_read_without_torch() -> None:
     """A stage that trains no network must not wait for it."""
     asked = "import sys, pipeline.nets.settings; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", asked], check=False).returncode == 0
+
+
+@pytest.mark.parametrize(("ends_at", "seen"), [(0, [3, 6, 7]), (6, [3, 6])])
+def test_the_loop_may_stop_every_so_many_passes_and_after_the_last(
+    ends_at: int, seen: list[int]
+) -> None:
+    called: list[int] = []
+
+    def stopped(done: int) -> bool:
+        called.append(done)
+        return done == ends_at
+
+    assert list(training_loop(7, stopped, every=3)) == list(range(1, seen[-1] + 1))
+    assert called == seen
 
 
 def perceptron() -> nn.Module:

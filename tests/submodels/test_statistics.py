@@ -51,6 +51,32 @@ def test_the_order_and_the_names_of_blocks_do_not_matter() -> None:
     np.testing.assert_allclose(first.covariance, second.covariance, rtol=1e-10)
 
 
+def test_instruments_give_the_sandwich_of_instrumental_variables() -> None:
+    """(Z'X)^-1 (sum_b Z_b' r_b r_b' Z_b) (X'Z)^-1, with the regressors as Z predicts them."""
+    x, _ = problem(120, 3, 10)
+    z = x + np.random.default_rng(11).normal(size=x.shape) * 10.0 ** np.arange(3)
+    blocks = np.repeat(np.arange(20), 6)
+    residuals = np.random.default_rng(12).normal(size=120)
+    bread = np.linalg.inv(z.T @ x)
+    sums = np.array([z[blocks == k].T @ residuals[blocks == k] for k in range(20)])
+    found = uncertainty_of(z @ np.linalg.lstsq(z, x)[0], residuals, blocks)
+    np.testing.assert_allclose(
+        found.covariance, bread @ sums.T @ sums @ bread.T * 20 / 17, rtol=1e-8
+    )
+
+
+def test_half_widths_are_at_least_those_of_independent_residuals() -> None:
+    """2 s sqrt(diag (J'J)^-1), where the blocks see no scatter."""
+    jacobian, residuals = problem(60, 3, 13)
+    blocks = np.arange(60) // 5
+    least = 0.6 * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    alone = uncertainty_of(jacobian, 0 * residuals, blocks, noise=0.3).half_width
+    np.testing.assert_allclose(alone, least, rtol=1e-8)
+    both = uncertainty_of(jacobian, residuals, blocks, noise=0.3).half_width
+    by_blocks = uncertainty_of(jacobian, residuals, blocks).half_width
+    np.testing.assert_allclose(both, np.maximum(by_blocks, least), rtol=1e-8)
+
+
 def test_of_independent_samples_it_is_the_textbook_covariance() -> None:
     """s^2 (J'J)^-1: at 40 000 samples the two differ by a few of sqrt(2 / N)."""
     jacobian, residuals = problem(40_000, 3, 4)

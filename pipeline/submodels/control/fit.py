@@ -24,7 +24,7 @@ from pipeline.submodels.control.parameters import (
     free_parameters,
 )
 from pipeline.submodels.control.segments import Observed, Rate, clusters, rapid_rates
-from pipeline.submodels.statistics import Uncertainty, textbook_half_width, uncertainty_of
+from pipeline.submodels.statistics import Uncertainty, uncertainty_of
 from pipeline.twin.control import planned_program
 
 Residuals = Callable[[Floats], Floats]
@@ -145,10 +145,8 @@ class Problem:
     def uncertainty(self, found: Optimum, jacobian: Floats) -> Uncertainty:
         """Uncertainty by a ``jacobian`` (N, S), on the scale of the search, residuals weighted."""
         jacobian, residuals = jacobian * found.weight[:, None], found.residuals * found.weight
-        uncertainty = uncertainty_of(jacobian, residuals, self.blocks)
         noise = 1.4826 * float(np.median(np.abs(found.residuals)))  # outliers have no part in it
-        half_width = np.maximum(uncertainty.half_width, textbook_half_width(jacobian, noise))
-        return replace(uncertainty, half_width=half_width)
+        return uncertainty_of(jacobian, residuals, self.blocks, noise)
 
     def reach(self, one: FreeParameter, value: float) -> float:
         """Reference of a width on the scale of the search [1, s]."""

@@ -33,6 +33,7 @@ from pipeline.submodels.cutting.regression import Estimate, digits, regression, 
 from pipeline.submodels.cutting.runout import RoundedFit, runout
 from pipeline.submodels.cutting.selection import FitUncertainty
 from pipeline.submodels.cutting.waveform import PRIOR, CutHarmonics
+from pipeline.submodels.statistics import NORMAL_95
 
 KIENZLE = {"kienzle.k_c11": "N/mm^2", "kienzle.m_c": "1"}
 """Kienzle's two constants with their units."""
@@ -158,8 +159,8 @@ SCALES = (N_MM2, N_MM2, N_MM2, N_MM, N_MM, N_MM)
 """SI value of one such unit."""
 BESIDE = 0.1
 """Least size of a coefficient in the test of its interval, over the tangential one [1]."""
-NORMAL_95, NORMAL_90 = 1.96, 1.645
-"""Halves of 95 and 90 % intervals over the standard deviation [1]."""
+NORMAL_90 = 1.645
+"""Half of a 90 % interval of a normal distribution over its standard deviation [1]."""
 HELIX_DEG = 10.0
 """Half interval of a determined helix angle, at most [deg]."""
 HARMONICS = "weighted least squares on the harmonics of the revolution"

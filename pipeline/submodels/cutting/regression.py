@@ -13,6 +13,7 @@ import numpy as np
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.model import Parameter
+from pipeline.submodels.statistics import student_quantile
 
 COLLINEAR = 1e8
 """Condition number of scaled columns from which the parameters are not separable."""
@@ -44,8 +45,6 @@ def regression(design: Floats, readings: Floats, covariance: Floats, size: Float
     ``design`` (L, D); ``covariance`` (L, L) of the ``readings`` (L,) by their measurement
     uncertainty; ``size`` (L,): magnitudes that the share tau refers to.
     """
-    from scipy.special import stdtrit
-
     count, parameters = design.shape
     freedom = count - parameters
     scale = np.linalg.norm(design, axis=0)
@@ -62,9 +61,8 @@ def regression(design: Floats, readings: Floats, covariance: Floats, size: Float
     covariance = covariance + least**2 * np.eye(count)  # readings without noise have no inverse
     share = _share(design / scale, readings, covariance, size, freedom)
     values, spread, misfit = _solve(design / scale, readings, covariance, size, share)
-    student_quantile = float(stdtrit(freedom, 0.975))
-    normal = float(stdtrit(np.inf, 0.975))
-    quantile = max(normal, student_quantile * np.sqrt(misfit / freedom))
+    by_scatter = student_quantile(freedom) * np.sqrt(misfit / freedom)
+    quantile = max(student_quantile(np.inf), by_scatter)
     spread = spread / np.outer(scale, scale)
     return Regression(
         values=values / scale, covariance=spread, half_width=quantile * np.sqrt(np.diag(spread)),

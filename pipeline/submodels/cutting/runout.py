@@ -36,6 +36,7 @@ from pipeline.submodels.cutting.selection import (
     left_out_fits,
     straight_line,
 )
+from pipeline.submodels.statistics import NORMAL_95
 
 RUNOUT = 0.1
 """Least size of a runout in the test of its interval, over the feed per tooth [1]."""
@@ -43,8 +44,6 @@ ANGLE_DEG = 45.0
 """Half interval of a determined runout angle, at most [deg]."""
 FEWEST = 2
 """Fits without some of the recordings from which their spread counts."""
-NORMAL_95 = 1.96
-"""Half of a 95 % interval over the standard deviation [1]."""
 METHOD = "weighted least squares on the harmonics, with an edge force that grows with the chip"
 
 

@@ -32,6 +32,7 @@ from pipeline.submodels.cutting.waveform import (
     mean_squares,
     rotated,
 )
+from pipeline.submodels.statistics import jackknife_half_width, student_quantile
 
 NAMED = ("runout", "helix", "modes", "teeth")
 """Terms that are compared."""
@@ -242,8 +243,6 @@ def fit_uncertainty(
     ``folds`` are fits of the same terms to a part of the recordings, whose spread counts from
     ``fewest`` on, ``rivals`` those of other terms that are not much worse.
     """
-    from scipy.special import stdtrit
-
     problem = fit.problem
     slopes, length, loose = _jacobian(fit)
     scaled = slopes / length
@@ -255,7 +254,7 @@ def fit_uncertainty(
     single = [f"{name}_tooth{k + 1}" for k in range((problem.linear - 6) // 3)
               for name in COEFFICIENTS[3:]]  # fmt: skip
     names = [*problem.names, *COEFFICIENTS, *single]
-    quantile = float(stdtrit(freedom, 0.975))
+    quantile = student_quantile(freedom)
     own = np.sqrt(np.diag(covariance))
     spread, differences = _jackknife(fit, folds, fewest), _rival_differences(fit, rivals)
     wider = np.maximum(own, [spread.get(name, 0.0) for name in names])
@@ -344,15 +343,11 @@ def _values(part: Fit, whole: Fit) -> dict[str, float]:
 
 def _jackknife(fit: Fit, folds: Sequence[Fold], fewest: int) -> dict[str, float]:
     """Jackknife standard deviations from partial fits; empty for too few."""
-    from scipy.special import ndtri, stdtrit
-
-    count = len(folds)
-    if count < fewest:
+    if len(folds) < fewest:
         return {}
     values = [_values(one.fit, fit) for one in folds]
     parts = np.array([list(one.values()) for one in values])
-    spread = np.sqrt((count - 1) / count * ((parts - parts.mean(axis=0)) ** 2).sum(axis=0))
-    spread *= stdtrit(count - 1, 0.975) / ndtri(0.975)
+    spread = jackknife_half_width(parts) / student_quantile(np.inf)
     return dict(zip(values[0], spread.tolist(), strict=True))
 
 

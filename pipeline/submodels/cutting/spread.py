@@ -23,6 +23,7 @@ from pipeline.submodels.cutting.model import CutModel, WaveformResidual
 from pipeline.submodels.cutting.revolution import wave
 from pipeline.submodels.cutting.selection import own_line
 from pipeline.submodels.cutting.waveform import COEFFICIENTS, CutHarmonics, phase_shift
+from pipeline.submodels.statistics import student_quantile
 
 PRIOR = 4
 """Degrees of freedom for which the expected error counts beside recordings left out."""
@@ -123,9 +124,7 @@ def _angles() -> Floats:
 
 def quantile(spread: ForceSpread) -> float:
     """Half of a 90 % interval over the standard deviation [1]."""
-    from scipy.special import stdtrit
-
-    return float(stdtrit(spread.freedom, 0.95))
+    return student_quantile(spread.freedom, 0.95)
 
 
 def half_widths(spread: ForceSpread, levels: Sequence[ForceLevel]) -> tuple[float, float]:

@@ -50,6 +50,7 @@ from pipeline.submodels.deformation.records import (
     State,
 )
 from pipeline.submodels.deformation.sensors import SensorModel, fit_sensors
+from pipeline.submodels.statistics import jackknife_half_width
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -427,12 +428,7 @@ def growth_per_kelvin(examples: Sequence[Example]) -> dict[str, Parameter]:
         rest = [k for k in range(len(x)) if k != out]
         return ridge([x[k] for k in rest], [y[k] for k in rest], "groups").weights
 
-    from scipy.special import stdtrit
-
-    weights, many = fitted(-1), len(x)
-    left = np.array([fitted(k) for k in range(many)])
-    deviation = np.sqrt((many - 1) * np.mean((left - left.mean(axis=0)) ** 2, axis=0))
-    half = stdtrit(many - 1, 0.975) * deviation
+    weights, half = fitted(-1), jackknife_half_width(np.array([fitted(k) for k in range(len(x))]))
     found = {}
     for name, value, width in zip(PLACES, weights.tolist(), half.tolist(), strict=True):
         known = width < abs(value)

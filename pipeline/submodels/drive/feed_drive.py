@@ -50,7 +50,7 @@ from pipeline.submodels.drive.inverse_dynamics import (
 )
 from pipeline.submodels.drive.motion import Motion, parallel_bandwidth, reach
 from pipeline.submodels.drive.records import DriveFitSettings, DrivePrior, Recording
-from pipeline.submodels.statistics import Uncertainty, correlation_rows
+from pipeline.submodels.statistics import NORMAL_95, Uncertainty, correlation_rows, student_quantile
 
 STEADY = 0.02
 """Greatest acceleration of a stretch over that of the record [1]."""
@@ -58,8 +58,6 @@ CONSTANT = 0.1
 """Greatest standard deviation of the speed in a stretch over its mean [1]."""
 ALIKE = 0.03
 """Greatest relative difference of speeds in one point [1]."""
-NORMAL = 1.96
-"""Quantile of the normal distribution for a 95 % interval [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,17 +134,15 @@ def friction_points(segments: Sequence[Segment]) -> list[FrictionPoint]:
 
 
 def _point(group: Sequence[Segment]) -> FrictionPoint:
-    from scipy.special import stdtrit
-
     seconds = np.array([one.seconds for one in group])
     share = seconds / seconds.sum()
     force = np.array([one.force for one in group])
     mean = float(share @ force)
     within = float(np.sqrt(share**2 @ np.array([one.error for one in group]) ** 2))
-    half = NORMAL * within
+    half = NORMAL_95 * within
     if len(group) > 1:
         between = float(np.sqrt((share**2) @ (force - mean) ** 2 * len(group) / (len(group) - 1)))
-        half = max(half, float(stdtrit(len(group) - 1, 0.975)) * between)
+        half = max(half, student_quantile(len(group) - 1) * between)
     velocity = float(share @ np.array([one.velocity for one in group]))
     return FrictionPoint(
         velocity=velocity, force=mean, half_width=half, seconds=float(seconds.sum())

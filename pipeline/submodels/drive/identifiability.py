@@ -41,7 +41,7 @@ from pipeline.submodels.statistics import (
     Factor,
     Uncertainty,
     block_numbers,
-    textbook_half_width,
+    student_quantile,
     uncertainty_of,
 )
 
@@ -52,14 +52,10 @@ def dynamics_uncertainty(rows: Regressors, fit: Dynamics) -> Uncertainty:
     slopes = jacobian(rows, fit.values)[:, fit.fitted] * weights[:, None]
     residuals = fit.residuals * weights
     blocks = block_numbers(residuals, rows.stretch, int(fit.fitted.sum()))
-    uncertainty = uncertainty_of(slopes, residuals, blocks)
-    # clusters underestimate the variance in a direction that only few blocks excite
-    least = np.maximum(
-        uncertainty.half_width, textbook_half_width(slopes, float(np.std(residuals)))
-    )
+    uncertainty = uncertainty_of(slopes, residuals, blocks, float(np.std(residuals)))
     added, quantile = _by_position(rows, fit, slopes * weights[:, None])
     covariance = uncertainty.covariance + added
-    widened = np.hypot(least, quantile * np.sqrt(np.diag(added)))
+    widened = np.hypot(uncertainty.half_width, quantile * np.sqrt(np.diag(added)))
     deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-200))
     return replace(
         uncertainty, covariance=covariance, half_width=widened,
@@ -109,9 +105,7 @@ class PositionDisturbance:
     @property
     def quantile(self) -> float:
         """Student's t for a 95 % interval: a variance from few strokes is uncertain itself."""
-        from scipy.special import stdtrit
-
-        return float(stdtrit(self.strokes, 0.975))
+        return student_quantile(self.strokes)
 
 
 def position_disturbance(
@@ -232,19 +226,13 @@ def instrumental(rows: Regressors, fit: Dynamics) -> Instrumental | None:
     cross = known.T @ (fit.weights[:, None] * motion)
     if np.linalg.svd(cross, compute_uv=False)[-1] < WEAKEST:
         return None
-    inverse = np.linalg.inv(cross)
-    scaled = inverse @ (known.T @ (fit.weights * rows.force))
+    scaled = np.linalg.solve(cross, known.T @ (fit.weights * rows.force))
     residuals = fit.weights * (rows.force - motion @ scaled)
     blocks = block_numbers(residuals, rows.stretch, len(linear))
-    sums = np.zeros((int(blocks.max()) + 1, len(linear)))
-    np.add.at(sums, blocks, known * residuals[:, None])
-    freedom = len(sums) - len(linear)
-    if freedom < 1:
+    stage = known @ np.linalg.lstsq(known, fit.weights[:, None] * motion)[0]
+    half_width = uncertainty_of(stage, residuals, blocks).half_width
+    if not np.isfinite(half_width).all():
         return None
-    from scipy.special import stdtrit
-
-    covariance = inverse @ (sums.T @ sums) @ inverse.T * (len(sums) / freedom)
-    half_width = stdtrit(freedom, 0.975) * np.sqrt(np.diag(covariance))
     return Instrumental(
         index=linear, values=scaled / lengths[0], half_width=half_width / lengths[0]
     )

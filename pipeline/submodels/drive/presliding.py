@@ -22,6 +22,7 @@ from pipeline.schema.arrays import Floats
 from pipeline.schema.drive import FeedDriveParameters
 from pipeline.schema.model import Parameter
 from pipeline.submodels.drive.records import Recording
+from pipeline.submodels.statistics import NORMAL_95, jackknife_deviation
 from pipeline.twin.drive import stable
 from pipeline.twin.program_axes import between
 
@@ -40,7 +41,6 @@ SLOWEST = 2e-3
 """Longest sampling period that shows what happens within micrometres [s]."""
 STEP = 2.5e-4
 """Longest step of the servo [s]."""
-NORMAL = 1.96
 HOW = "closed loop on recorded references, its command against the recorded one"
 REVERSALS = "record reversals of the axis, reference and current at 1 kHz or more, without a load"
 STANDSTILLS = (
@@ -192,9 +192,8 @@ def _nearest(
     whole, inside = lowest(None)
     left = [lowest(out) for out in range(len(next(iter(known.values()))))]
     places = np.array([place for place, _ in left])
-    many = len(places)
-    error = float(np.sqrt((many - 1) / many * ((places - places.mean()) ** 2).sum()))
-    low, high = np.exp(whole - NORMAL * error), np.exp(whole + NORMAL * error)
+    half = NORMAL_95 * float(jackknife_deviation(places))
+    low, high = np.exp(whole - half), np.exp(whole + half)
     best = float(np.exp(whole))
     sure = inside and all(one for _, one in left) and (high - low) / 2 <= widest * best
     return Estimate(best, float(low), float(high), bool(sure))

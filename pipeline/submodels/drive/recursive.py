@@ -32,6 +32,7 @@ from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.submodels.drive.feed_drive import FeedDriveFit
 from pipeline.submodels.drive.motion import motion
 from pipeline.submodels.drive.records import Recording
+from pipeline.submodels.statistics import NORMAL_95
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,7 +157,7 @@ def mass_trace(
         recording=best.recording, unit=fit.units[0],
         time_s=tuple(round(t, 4) for t in best.time[chosen].tolist()),
         value=tuple(map(significant, trace.inertia[chosen].tolist())),
-        half_width=tuple(map(significant, (1.96 * trace.deviation[chosen]).tolist())),
+        half_width=tuple(map(significant, (NORMAL_95 * trace.deviation[chosen]).tolist())),
     )  # fmt: skip
 
 

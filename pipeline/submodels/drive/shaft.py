@@ -23,7 +23,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import stdtrit
 
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.schema.drive import Shaft
@@ -32,6 +31,7 @@ from pipeline.submodels.drive import shaft_signals as ends
 from pipeline.submodels.drive.estimates import SENSOR
 from pipeline.submodels.drive.records import Recording
 from pipeline.submodels.drive.shaft_signals import COULOMB, DAMPING, MASS, PLAY, VISCOUS, WIDTH, C
+from pipeline.submodels.statistics import jackknife_half_width, student_quantile
 
 ROUNDS = 6
 """Rounds of the fit, which finds the flanks in contact."""
@@ -212,15 +212,12 @@ def _half(found: Rounds, derived: Callable[[Floats], Floats]) -> float:
     Jackknife over the phases of motion, within which the equation's errors are alike.
     """
     # friction that was left out for its sign is as uncertain as any
-    out, (whole, sums), count = (
-        tuple(set(found.out) - {COULOMB}), found.whole, len(found.ways[0]),
-    )  # fmt: skip
-    if count < 2:
+    out, (whole, sums) = tuple(set(found.out) - {COULOMB}), found.whole
+    if len(found.ways[0]) < 2:
         return np.inf
     left = derived(np.array([_solution(whole - g, sums - p, out)
                              for g, p in zip(*found.ways, strict=True)]))  # fmt: skip
-    spread = float(np.sqrt((count - 1) / count * ((left - left.mean()) ** 2).sum()))
-    return float(stdtrit(count - 1, 0.975)) * spread
+    return float(jackknife_half_width(left))
 
 
 def _doubt(found: Rounds, derived: Callable[[Floats], Floats]) -> float:
@@ -272,7 +269,7 @@ def _misfit(found: Rounds, column: int) -> float:
     ways, left = len(found.ways[0]), found.left if column == DAMPING else found.lasting
     if own <= 0 or ways < 2:
         return np.inf
-    return float(stdtrit(ways - 1, 0.975) * left * np.sqrt(count / own / ways))
+    return float(student_quantile(ways - 1) * left * np.sqrt(count / own / ways))
 
 
 def _parameters(found: Rounds, unit: str, widest: float) -> dict[str, Parameter]:

@@ -17,7 +17,7 @@ from pipeline.parallel import Compute
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 from pipeline.signals.windows import StateSegment
-from pipeline.submodels.statistics import Uncertainty, uncertainty_of
+from pipeline.submodels.statistics import Uncertainty, student_quantile, uncertainty_of
 from pipeline.thermal.network import SOURCES, SpindleThermalParameters, temperatures
 from pipeline.twin import spindle
 
@@ -167,8 +167,6 @@ class Problem:
         Clusters that do not excite a source say nothing of it: with H hours that do, Student's t is
         of H - 1 degrees of freedom.
         """
-        from scipy.special import stdtrit
-
         found = np.ones(len(self.names))
         freedom = max(len(np.unique(self.blocks)) - len(self.names), 1)
         for i, name in enumerate(self.names):
@@ -182,7 +180,7 @@ class Problem:
             own = int((hours > 0.1 * hours.max(initial=0.0)).sum())
             if own - 1 < freedom:
                 least = max(own - 1, 1)
-                found[i] = stdtrit(least, 0.975) / stdtrit(freedom, 0.975)
+                found[i] = student_quantile(least) / student_quantile(freedom)
                 found[i] *= np.sqrt((least + 1) / least)
         return found
 

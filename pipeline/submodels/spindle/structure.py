@@ -34,7 +34,7 @@ from pipeline.submodels.spindle.fit import (
     structure_of,
     window_errors,
 )
-from pipeline.submodels.statistics import LEVEL, gains
+from pipeline.submodels.statistics import LEVEL, gains, student_quantile, uncertainty_of
 from pipeline.thermal.network import SOURCES, first_order
 from pipeline.twin import spindle
 
@@ -97,37 +97,31 @@ def residuals_say(fit: SpindleFit, given: Given) -> dict[str, tuple[float, float
                 first_order(-1 / constant, p.frame[name].to_numpy(float), 0.0, p.step)[m]
                 for p, m in zip(given.pieces, problem.masks, strict=True)
             ])  # fmt: skip
-            slope, deviation, freedom = _slope(response, error, problem.blocks)
-            significance, width = _student(slope, deviation, freedom, level)
+            slope, width, significance = _slope(response, error, problem.blocks, level)
             felt = abs(slope) * float(np.ptp(response)) >= least
             if felt and significance > max(best, 1.0):
                 best, found[name] = significance, (slope - width, slope + width)
     return found
 
 
-def _slope(x: Floats, y: Floats, blocks: Ints) -> tuple[float, float, int]:
-    """Slope within blocks with its deviation clustered over them, and the degrees of freedom."""
+def _slope(x: Floats, y: Floats, blocks: Ints, level: float) -> tuple[float, float, float]:
+    """Slope within blocks, half of its 95 % interval, its size over what ``level`` asks for.
+
+    The deviation is clustered over the blocks that excite it.
+    """
     _, block = np.unique(blocks, return_inverse=True)
     count = np.bincount(block)
     x, y = (v - (np.bincount(block, weights=v) / count)[block] for v in (x, y))
     weight = np.bincount(block, weights=x * x)
-    excited = int((weight > 1e-6 * weight.max(initial=0.0)).sum()) if weight.any() else 0
-    if excited < FEWEST:
-        return 0.0, np.inf, 1
-    slope = float(x @ y / weight.sum())
-    scores = np.bincount(block, weights=x * (y - slope * x))
-    deviation = np.sqrt((scores**2).sum() * excited / (excited - 1)) / weight.sum()
-    return slope, float(deviation), excited - 1
-
-
-def _student(slope: float, deviation: float, freedom: int, level: float) -> tuple[float, float]:
-    """Slope over what is significant at ``level``, and half of its 95 % interval."""
-    from scipy.special import stdtrit
-
-    if not np.isfinite(deviation) or deviation == 0:
-        return 0.0, np.inf
-    bound = float(stdtrit(freedom, 1 - level / 2)) * deviation
-    return abs(slope) / bound, float(stdtrit(freedom, 0.975)) * deviation
+    shown = weight > 1e-6 * weight.max(initial=0.0)
+    freedom = int(shown.sum()) - 1
+    if freedom < FEWEST - 1:
+        return 0.0, np.inf, 0.0
+    x, y, block = x[shown[block]], y[shown[block]], block[shown[block]]
+    slope = float(x @ y / (x @ x))
+    half = float(uncertainty_of(x[:, None], y - slope * x, block).half_width[0])
+    bound = half * student_quantile(freedom, 1 - level / 2) / student_quantile(freedom)
+    return slope, half, abs(slope) / bound if bound else 0.0
 
 
 PARTS = 5

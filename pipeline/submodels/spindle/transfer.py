@@ -27,6 +27,7 @@ from pipeline.submodels.spindle.fit import (
     solve,
     structure_of,
 )
+from pipeline.submodels.statistics import NORMAL_95
 from pipeline.thermal.network import SOURCES, SpindleThermalParameters, temperatures
 from pipeline.twin.spindle import (
     TARGET,
@@ -211,7 +212,7 @@ def _deviation(golden: Parameter | None) -> float:
     if golden is None or golden.interval_95 is None or not golden.value:
         return UNKNOWN_WIDTH
     low, high = golden.interval_95
-    return min((high - low) / (2 * 1.96 * abs(golden.value)), UNKNOWN_WIDTH)
+    return min((high - low) / (2 * NORMAL_95 * abs(golden.value)), UNKNOWN_WIDTH)
 
 
 def _deviation_K(golden: Parameter | None) -> float:
@@ -219,7 +220,7 @@ def _deviation_K(golden: Parameter | None) -> float:
     if golden is None or golden.interval_95 is None:
         return 5.0
     low, high = golden.interval_95
-    return (high - low) / (2 * 1.96)
+    return (high - low) / (2 * NORMAL_95)
 
 
 def own_network(given: Given, golden: SpindleThermalParameters) -> SpindleThermalParameters | None:

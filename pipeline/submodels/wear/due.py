@@ -25,6 +25,7 @@ from pipeline.schema.model import Parameter
 from pipeline.schema.si import N_MM2, UM
 from pipeline.schema.verdict import Fact
 from pipeline.signals.wear_windows import WearWindows
+from pipeline.submodels.statistics import jackknife_half_width
 from pipeline.submodels.wear.life import (
     Engaged,
     LifeLaw,
@@ -142,8 +143,6 @@ def _cut(windows: WearWindows, cuts: Engaged, at: Ints) -> Ints:
 
 def fit_edge_growth(windows: WearWindows, settings: WearLifeSettings) -> EdgeGrowth:
     """Growth of the edge coefficients over the wear of three training tools or more."""
-    from scipy.special import stdtrit
-
     rows = mean_forces(windows, settings)
     tools = sorted(set(rows.tool.tolist()))
     if len(tools) < FEWEST:
@@ -151,10 +150,7 @@ def fit_edge_growth(windows: WearWindows, settings: WearLifeSettings) -> EdgeGro
             f"edge forces over wear need {FEWEST} tools, there are {len(tools)}: record more"
         )
     found, error = _robust(rows)
-    left = np.array([_robust(rows.of(rows.tool != one))[0] for one in tools])
-    share = (len(tools) - 1) / len(tools)
-    spread = np.sqrt(share * ((left - left.mean(axis=0)) ** 2).sum(axis=0))
-    half = float(stdtrit(len(tools) - 1, 0.975)) * spread
+    half = jackknife_half_width(np.array([_robust(rows.of(rows.tool != one))[0] for one in tools]))
     method = f"mean forces of {len(rows.wear)} cuts, {len(tools)} tools left out in turn"
     parameters = {
         name: _parameter(float(value) / N_MM2, float(width) / N_MM2, method)

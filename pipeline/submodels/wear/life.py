@@ -27,6 +27,7 @@ from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 from pipeline.schema.si import MINUTE, MM
 from pipeline.signals.units import conversion
 from pipeline.signals.wear_windows import WearWindows
+from pipeline.submodels.statistics import student_quantile
 
 EXPONENT = 0.25
 """Taylor's n of cemented carbide where the machine's file has none [1]."""
@@ -248,9 +249,9 @@ class LifeLaw:
 
     def parameters(self) -> dict[str, Parameter]:
         """Median life length of each type, exponent and scatter, with their 95 % intervals."""
-        from scipy.special import gammaincinv, stdtrit
+        from scipy.special import gammaincinv
 
-        quantile, cov = float(stdtrit(self.dof, 0.975)), np.array(self.covariance)
+        quantile, cov = student_quantile(self.dof), np.array(self.covariance)
         n = len(self.worn)
         method = f"measured wear of {n} tools, Bayes with Taylor's exponent and usual scatter"
         found = {}
