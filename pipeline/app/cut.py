@@ -2,25 +2,22 @@
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
 from typing import Any, cast, get_args
 
 from pipeline.app.output import aligned, between, many, rounded
-from pipeline.app.programs import Controlled
+from pipeline.app.programs import Controlled, check_program, machine_residual
 from pipeline.app.tables import read_material, read_tools, section
 from pipeline.cutting.catalogue import CuttingCatalogue
 from pipeline.cutting.economics.cost import CostRates, EnergyParameters
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.stability.tip_dynamics import DIRECTIONS, TipDynamics, TipModes
 from pipeline.cutting.tool import ToolTable
-from pipeline.machine.control.planner import Plan
-from pipeline.optimisation.full_twin import check_axes
-from pipeline.optimisation.job import Workshop, cut_of
-from pipeline.optimisation.reliability.part_loads import cut_ranges, force_intervals
-from pipeline.optimisation.reliability.uncertainty import uncertainty
-from pipeline.optimisation.settings import Part
+from pipeline.gcode.moves import Moves
+from pipeline.optimisation.job import JobRequest, Workshop, job_request
+from pipeline.optimisation.settings import OptimisationSettings, Part
 from pipeline.parameters import structure
 from pipeline.schema.limits import BY_TOOL, CutLimit, limit_options
 from pipeline.schema.part import Objective
@@ -29,18 +26,11 @@ from pipeline.schema.program_cut import (
     CutTotals,
     CutWarning,
     ForceInterval,
-    NotKnown,
     ProgramCut,
     ToolEdge,
 )
-from pipeline.submodels.wear.machine_wear import machine_wear
 from pipeline.twin.cut.coefficients import ToolWear, WearRule
-from pipeline.twin.cut.document import document_of
-from pipeline.twin.cut.loads import cut_program
-from pipeline.twin.preflight import Preflight, preflight_warnings
-from pipeline.twin.program_axes import Residual
 
-AXES = "following error and motor command in the cut"
 REMEDY = {
     "stock": "give the blank, box:X0,X1,Y0,Y1,Z0,Z1 in mm, cylinder:X,Y,DIAMETER,Z0,Z1 or an .stl",
     "tool_table": "name a table of conf/tool/ or a YAML file",
@@ -114,26 +104,20 @@ def _of_all(option: str, words: Sequence[str]) -> float | None:
     return values[0] if values else None
 
 
-@dataclass(frozen=True, kw_only=True)
-class WearOption:
-    """Parsed ``--wear``: a rule for all tools, None without one, and wear by tool [um]."""
-
-    rule: WearRule | None = None
-    given: Mapping[int, float] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, words: Sequence[str]) -> "WearOption":
-        """The option as it was given, ``sharp``, ``criterion``, ``known`` or ``T26=120``."""
-        rules, given = _by_tool("--wear", words)
-        for word in rules:
-            if word not in get_args(WearRule):
-                raise ValueError(
-                    f"--wear {word} is no wear of a tool: give T26=120 for 120 um on T26, or one "
-                    f"of {', '.join(get_args(WearRule))} for all tools"
-                )
-        if len(rules) > 1:
-            raise ValueError(f"--wear {rules[1]} is given beside --wear {rules[0]}: give one")
-        return cls(rule=cast(WearRule, rules[0]) if rules else None, given=given)
+def requested_wear(words: Sequence[str]) -> ToolWear:
+    """Wear that ``--wear`` requests: ``sharp``, ``criterion``, ``known`` or ``T26=120`` [um]."""
+    rules, given = _by_tool("--wear", words)
+    for word in rules:
+        if word not in get_args(WearRule):
+            raise ValueError(
+                f"--wear {word} is no wear of a tool: give T26=120 for 120 um on T26, or one "
+                f"of {', '.join(get_args(WearRule))} for all tools"
+            )
+    if len(rules) > 1:
+        raise ValueError(f"--wear {rules[1]} is given beside --wear {rules[0]}: give one")
+    if not rules:
+        return ToolWear(given=given)
+    return ToolWear(rule=cast(WearRule, rules[0]), requested=True, given=given)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,8 +130,8 @@ class CutOptions:
     """Limits of single tools in place of the tool table's."""
     frf: tuple[str, ...]
     """Files of the frequency response at the tools' tips, ``x=TIP.csv`` or ``TIP.uff``."""
-    wear: WearOption
-    """Wear of the tools."""
+    wear: ToolWear
+    """Wear of the tools that was requested."""
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -185,7 +169,7 @@ def cut_options(
     cell = {} if resolution is None else {"resolution_mm": resolution}
     part = Part(program="part.nc", objective=objective, limits=of_part, **words, **cell)  # type: ignore[arg-type]
     return CutOptions(
-        part=part, tool_limits=by_tool, frf=tuple(frf or ()), wear=WearOption.of(wear or ())
+        part=part, tool_limits=by_tool, frf=tuple(frf or ()), wear=requested_wear(wear or ())
     )
 
 
@@ -193,46 +177,30 @@ def _option(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def cut_document(
-    on: Controlled, plan: Plan, options: CutOptions, checked: Preflight, residual: Residual | None
-) -> ProgramCut:
-    """The cut of a planned program, as it stands in the JSON of ``kerf simulate``."""
-    models = on.identified_models
-    job, basis = cut_of(options.part, workshop_of(on, options), models.cutting, on.setup)
-    cut = cut_program(plan, job)
-    document = document_of(cut, basis)
-    axes = check_axes(cut, models.drives, residual=residual)
-    certainty = on.optimisation.certainty
-    ranges = cut_ranges(cut)
-    used = {number: basis.coefficients[number] for number in ranges}
-    uncertain = uncertainty(
-        used, job.tools, models.cutting, models.judged, certainty, ranges=ranges
-    )  # fmt: skip
-    forces = force_intervals(cut, uncertain, basis.coefficients, models.cutting, certainty.seed)
-    unknown = [NotKnown(what=AXES, why=axes.reason)] if axes.reason else []
-    warnings = (*preflight_warnings(checked.violations), *document.warnings)
-    return replace(
-        document, axes=axes.axes, forces=forces, not_known=(*document.not_known, *unknown),
-        warnings=warnings,
-    )  # fmt: skip
-
-
-def workshop_of(on: Controlled, options: CutOptions, rule: WearRule = "known") -> Workshop:
-    """Tools, material, prices and spindle of the options and the machine's file."""
-    return Workshop(
-        table=_limited(read_tools(options.part.tool_table), options.tool_limits),
-        material=read_material(options.part.material),
+def request_of(
+    on: Controlled, program: Path, options: CutOptions, settings: OptimisationSettings,
+    moves: Moves | None = None,
+) -> JobRequest:  # fmt: skip
+    """Job of a program by the options and the machine's file."""
+    check_program(program)
+    part, models = options.part, on.identified_models
+    if settings.with_residual:
+        residual, name = machine_residual(on)
+        models = replace(models, residual=residual, residual_name=name)
+    workshop = Workshop(
+        table=_limited(read_tools(part.tool_table), options.tool_limits),
+        material=read_material(part.material),
         rates=section(on.parameters, "cost", CostRates),
         drive=section(on.sections, "spindle_drive", SpindleDrive),
         drive_source=f"conf/machine/{on.machine}.yaml",
         energy=section(on.sections, "energy", EnergyParameters),
-        dynamics=_dynamics(on.sections, options.frf),
+        dynamics=_measured(options.frf) or section(on.sections, "dynamics", TipModes),
         catalogue=structure(on.parameters, "catalogue", CuttingCatalogue),
-        wear=ToolWear(
-            machine=machine_wear(on.models), rule=options.wear.rule or rule,
-            requested=options.wear.rule is not None, given=options.wear.given,
-        ),
-    )  # fmt: skip
+        wear=options.wear,
+    )
+    return job_request(
+        program, part, workshop, models, setup=on.setup, settings=settings, moves=moves
+    )
 
 
 def _limited(table: ToolTable, given: ToolLimits) -> ToolTable:
@@ -247,41 +215,40 @@ def _limited(table: ToolTable, given: ToolLimits) -> ToolTable:
     return replace(table, tools={**table.tools, **own})
 
 
-def _dynamics(sections: dict[str, Any], frf: Sequence[str]) -> TipDynamics | None:
-    """Modes of the tools' tips: of the option's response, else those of the machine's section."""
-    if frf:
-        from pipeline.cutting.stability.modal_fit import fit_modes
-        from pipeline.cutting.stability.tip_dynamics import joined_responses, read_frf
+def _measured(frf: Sequence[str]) -> TipDynamics | None:
+    """Tip dynamics fitted to the responses of ``--frf``; None without any."""
+    if not frf:
+        return None
+    from pipeline.cutting.stability.modal_fit import fit_modes
+    from pipeline.cutting.stability.tip_dynamics import joined_responses, read_frf
 
-        parts = []
-        for word in frf:
-            direction, said, name = word.rpartition("=")
-            path = Path(name)
-            if not path.is_file():
-                raise ValueError(
-                    f"--frf {word}: {path} does not exist: name a frequency response, as "
-                    "x=TIP.csv or TIP.uff"
-                )
-            parts.append(read_frf(path, direction=direction if said else None))  # type: ignore[arg-type]
-        names = ", ".join(Path(word.rpartition("=")[2]).name for word in frf)
-        whole = joined_responses(parts)
-        if rigid := [d for k, d in enumerate(DIRECTIONS) if not whole.receptance[:, k, k].any()]:
+    parts = []
+    for word in frf:
+        direction, said, name = word.rpartition("=")
+        path = Path(name)
+        if not path.is_file():
             raise ValueError(
-                f"--frf {names}: nothing is measured along {' and '.join(rigid)}, which would "
-                f"count as rigid: give --frf {rigid[0]}=FILE too, the same file where the tip "
-                "gives way alike"
+                f"--frf {word}: {path} does not exist: name a frequency response, as "
+                "x=TIP.csv or TIP.uff"
             )
-        try:
-            fit = fit_modes(parts)
-        except ValueError as error:
-            raise ValueError(f"--frf {names}: {error}") from error
-        return TipDynamics(
-            source=f"modes fitted to the measured response {names}, error {100 * fit.error:.1f} %, "
-            "taken for every tool",
-            every=fit.modes, caution=fit.caution,
-        )  # fmt: skip
-    modes = section(sections, "dynamics", TipModes)
-    return None if modes is None else TipDynamics.of_modes(modes)
+        parts.append(read_frf(path, direction=direction if said else None))  # type: ignore[arg-type]
+    names = ", ".join(Path(word.rpartition("=")[2]).name for word in frf)
+    whole = joined_responses(parts)
+    if rigid := [d for k, d in enumerate(DIRECTIONS) if not whole.receptance[:, k, k].any()]:
+        raise ValueError(
+            f"--frf {names}: nothing is measured along {' and '.join(rigid)}, which would "
+            f"count as rigid: give --frf {rigid[0]}=FILE too, the same file where the tip "
+            "gives way alike"
+        )
+    try:
+        fit = fit_modes(parts)
+    except ValueError as error:
+        raise ValueError(f"--frf {names}: {error}") from error
+    return TipDynamics(
+        source=f"modes fitted to the measured response {names}, error {100 * fit.error:.1f} %, "
+        "taken for every tool",
+        every=fit.modes, caution=fit.caution,
+    )  # fmt: skip
 
 
 def cut_lines(cut: ProgramCut) -> Iterator[str]:

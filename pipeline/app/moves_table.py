@@ -10,7 +10,8 @@ import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow import csv
 
-from pipeline.app.programs import NOTHING, PACKED
+from pipeline.app.programs import PACKED
+from pipeline.gcode.errors import NO_BLOCK
 from pipeline.gcode.moves import AXES, Kind, Moves
 from pipeline.schema.files import replacing
 
@@ -95,7 +96,7 @@ def write_moves(parts: Iterable[Moves], out: Path) -> tuple[int, float, tuple[st
                 length += float(part_of.length.sum())
             notices = moves.notices
         if count == 0:
-            raise ValueError(NOTHING.format(", ".join(moves.files)))
+            raise ValueError(NO_BLOCK.format(", ".join(moves.files)))
     return count, length, notices
 
 

@@ -8,14 +8,11 @@ from pathlib import Path
 from types import FrameType
 from typing import TypeVar
 
-from pipeline.app.cut import CutOptions, edge_lines, warning_lines, workshop_of
+from pipeline.app.cut import edge_lines, warning_lines
 from pipeline.app.output import NONE, aligned, between, label, many, rounded
-from pipeline.app.programs import Controlled, machine_residual, verdict_lines
-from pipeline.gcode.moves import Moves
+from pipeline.app.programs import Controlled, verdict_lines
 from pipeline.optimisation.document import optimised_part, optimised_text
 from pipeline.optimisation.full_twin import Result
-from pipeline.optimisation.job import JobRequest, Progress, part_program
-from pipeline.optimisation.optimise import optimise_worn
 from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.report.optimised.page import write_optimised_page
 from pipeline.schema.files import together
@@ -23,6 +20,7 @@ from pipeline.schema.part import OptimisedPart, part_values
 from pipeline.schema.part_sheet import ToolUse
 from pipeline.schema.store import write_bytes, write_json
 from pipeline.twin.cut.axes import half_widths
+from pipeline.twin.preflight import Preflight, preflight_warnings
 
 T = TypeVar("T")
 TOTALS = (
@@ -64,26 +62,13 @@ def _with(settings: T, **options: float | str | None) -> T:
     return replace(settings, **given)  # type: ignore[type-var]
 
 
-def optimise_part(
-    on: Controlled, program: Path, moves: Moves, cut: CutOptions, search: SearchOptions,
-    progress: Progress,
-) -> tuple[Result, OptimisedPart]:  # fmt: skip
-    """Optimised program, which makes ``moves`` as it is, with its document.
-
-    Raises KeyboardInterrupt when it was ended before anything kept the limits.
-    """
-    settings = search.settings(on.optimisation)
-    models = on.identified_models
-    if settings.with_residual:
-        residual, name = machine_residual(on)
-        models = replace(models, residual=residual, residual_name=name)
-    text, setup = part_program(program, on.setup)
-    request = JobRequest(
-        program=text, part=cut.part, models=models, setup=setup, settings=settings, moves=moves
-    )
-    result = optimise_worn(request, workshop_of(on, cut, settings.wear), progress)
+def optimised_document(on: Controlled, result: Result, checked: Preflight) -> OptimisedPart:
+    """Document of an optimised program, with what the program as written violates."""
     part = optimised_part(result, machine=on.machine, origin=on.origin, control=on.source)
-    return result, replace(part, machine_unit=on.unit or None)
+    return replace(
+        part, machine_unit=on.unit or None,
+        warnings=(*preflight_warnings(checked.violations), *part.warnings),
+    )  # fmt: skip
 
 
 @together()

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -328,16 +328,16 @@ def optimise(
     Ctrl-C ends the search and writes the best so far.
     """
     from pipeline.app.check import beyond_lines, not_checked_lines
-    from pipeline.app.cut import cut_options
+    from pipeline.app.cut import cut_options, request_of
     from pipeline.app.optimise import (
         SearchOptions,
         interruptible,
         optimise_lines,
-        optimise_part,
+        optimised_document,
         write_optimised,
     )
-    from pipeline.app.programs import machine_control, read_moves
-    from pipeline.twin.preflight import preflight_warnings
+    from pipeline.app.programs import machine_control
+    from pipeline.optimisation.optimise import optimise_worn
 
     with _working() as to:
         written, *shown = to.file(out, program.suffix), to.file(json), to.file(page)
@@ -356,18 +356,15 @@ def optimise(
         )  # fmt: skip
         check_outputs(program, written, *shown, inputs=cut.files)
         on = machine_control(machine, unit, model)
-        moves = read_moves(program, on.setup, lambda done: None)
-        checked = on.preflight(moves)
+        request = request_of(on, program, cut, search.settings(on.optimisation))
+        checked = on.preflight(request.moves)
         for line in beyond_lines(checked, program, machine):
             to.say(line)
         try:
             with interruptible(_ending) as ending:  # the best so far is written whole too
                 with stages_bar() as bar, step(f"optimised {program}"):
-                    result, part = optimise_part(
-                        on, program, moves, cut, search, lambda w, s: (bar(w, s), ending())[1]
-                    )
-                beyond = preflight_warnings(checked.violations)
-                part = replace(part, warnings=(*beyond, *part.warnings))
+                    result = optimise_worn(request, lambda w, s: (bar(w, s), ending())[1])
+                    part = optimised_document(on, result, checked)
                 write_optimised(result, part, written, *shown)
         except KeyboardInterrupt as error:
             typer.echo("kerf: interrupted, nothing is written", err=True)

@@ -12,6 +12,7 @@ from pipeline.app.fleet import DATA, machine_parameters, outside_fleet
 from pipeline.app.output import check_outputs
 from pipeline.app.tables import section
 from pipeline.cutting.economics.spindle_power import SpindleDrive
+from pipeline.gcode.errors import NO_BLOCK
 from pipeline.gcode.interpret import interpret, interpret_in_parts
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, output_lines, read_program
@@ -50,7 +51,6 @@ VERDICT_WORDS = {
     "not judged": "was not judged",
 }  # fmt: skip
 """Words for a model's verdict in a sentence."""
-NOTHING = "{} holds no block that the control carries out: name a part program"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,8 +103,9 @@ class Controlled:
     def identified_models(self) -> "MachineModels":
         """Models that were identified of the machine, read once."""
         from pipeline.optimisation.job import machine_models
+        from pipeline.submodels.wear.machine_wear import machine_wear
 
-        return machine_models(self.models, self.control)
+        return machine_models(self.models, self.control, machine_wear(self.models))
 
     @property
     def used(self) -> tuple[UsedModel, ...]:
@@ -138,7 +139,7 @@ def read_moves(path: Path, setup: Setup, share: Share) -> Moves:
     """Moves of the program at ``path``; ``share`` is called with the share done."""
     moves = interpret(*_followed(path, setup, share))
     if len(moves) == 0:
-        raise ValueError(NOTHING.format(path.name))
+        raise ValueError(NO_BLOCK.format(path.name))
     return moves
 
 

@@ -1,7 +1,7 @@
 """Simulation of a program by plan, cut and axes (`kerf simulate`)."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +23,8 @@ from pipeline.machine.control.planner import Plan
 from pipeline.parameters import structure
 from pipeline.schema.bundle import BUNDLE, Bundle, bundle_words, read_champions
 from pipeline.schema.files import together
-from pipeline.schema.store import read_json, structured, unstructured, write_json
+from pipeline.schema.program_cut import ProgramCut
+from pipeline.schema.store import read_json, unstructured, write_json
 from pipeline.submodels.contract import submodel
 from pipeline.twin.control import (
     ControlModelFile,
@@ -34,7 +35,14 @@ from pipeline.twin.control import (
 from pipeline.twin.drive import read_drives
 from pipeline.twin.preflight import Preflight
 from pipeline.twin.program_axes import program_figures
-from pipeline.twin.simulation import block_table, blocks, summary, without_time, write_trace
+from pipeline.twin.simulation import (
+    block_table,
+    blocks,
+    program_times,
+    summary,
+    without_time,
+    write_trace,
+)
 
 if TYPE_CHECKING:
     from pipeline.app.cut import CutOptions
@@ -271,16 +279,26 @@ def simulate_and_write(
         found.add(f"{len(simulated.plan.path.moves)} moves, {simulated.plan.total:.1f} s")
     document = simulated_document(simulated, request.program.stem)
     if options is not None:
-        from pipeline.app.cut import cut_document
-
         with step("followed the cut"):
-            document["cut"] = cut_document(
-                simulated.on, simulated.plan, options, simulated.checked, simulated.residual
-            )
+            document["cut"] = _cut(simulated, request.program, options)
     corrected = _corrected(simulated, request, document)
     with together():
         _write(simulated, corrected, document, request, standard)
     return simulated, document
+
+
+def _cut(simulated: Simulated, program: Path, options: "CutOptions") -> ProgramCut:
+    """Cut of the program, with tools as worn as they are known to be."""
+    from pipeline.app.cut import request_of
+    from pipeline.optimisation.document import cut_document
+    from pipeline.optimisation.job import job_of
+    from pipeline.twin.cut.loads import cut_program
+
+    on, plan = simulated.on, simulated.plan
+    settings = replace(on.optimisation, wear="known", with_residual=False)
+    job = job_of(request_of(on, program, options, settings, plan.path.moves))
+    job = replace(job, models=replace(job.models, residual=simulated.residual))
+    return cut_document(cut_program(plan, job.cut), job, simulated.checked)
 
 
 def _corrected(
@@ -337,28 +355,28 @@ def _write(
         with share_bar("writing positions") as share:
             write_trace(simulated.plan, request.out, share)
     if "cut" in document and request.page is not None:
-        from pipeline.report.cut.page import SimulatedCut, write_cut_page
+        from pipeline.report.cut.page import write_cut_page
 
-        shown = SimulatedCut(
-            program=request.program.stem, machine=request.machine, origin=simulated.on.origin,
-            cut=document["cut"], verdicts=document["verdicts"],
-            time=planned_times(simulated.plan, request.program.stem),
-        )  # fmt: skip
+        shown = _shown(simulated, document, request.program.stem)
         write_cut_page(shown, request.page, None if request.json == standard else request.json)
 
 
-def planned_times(plan: Plan, name: str) -> "Program":
-    """A planned program as its page draws it: times, and its moves."""
+def _shown(simulated: Simulated, document: dict[str, Any], name: str) -> "Program":
+    """The program with its cut as its page draws it."""
     import pyarrow as pa
 
     from pipeline.report.programs.moves import program_moves
     from pipeline.report.programs.simulated import Program
-    from pipeline.schema.program_cut import SimulatedProgram
-    from pipeline.twin.simulation import summary
 
-    times = structured(summary(plan, name), SimulatedProgram, name)
-    table = pa.Table.from_pandas(block_table(plan), preserve_index=False)
-    return Program(summary=times, moves=program_moves(table, times.origin_mm))
+    times = replace(
+        program_times(simulated.plan, name), machine=simulated.on.machine,
+        origin=simulated.on.origin, total_time_90_s=document["total_time_90_s"],
+    )  # fmt: skip
+    table = pa.Table.from_pandas(block_table(simulated.plan), preserve_index=False)
+    return Program(
+        summary=times, moves=program_moves(table, times.origin_mm), cut=document["cut"],
+        verdicts=document["verdicts"],
+    )  # fmt: skip
 
 
 def simulate_lines(

@@ -10,6 +10,9 @@ import re
 import unicodedata
 from collections.abc import Callable
 
+NO_BLOCK = "{} holds no block that the control carries out: name a part program"
+"""Refusal of a program that moves nothing, by its name."""
+
 
 class GcodeError(ValueError):
     """A word that cannot be interpreted: its place, the reason and the remedy.

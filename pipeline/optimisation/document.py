@@ -1,8 +1,8 @@
-"""Document of an optimisation: what ``kerf optimise`` writes, prints and draws."""
+"""Documents of an optimisation, and of the cut of a program as written."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from hashlib import sha256
 from pathlib import Path
 
@@ -20,10 +20,13 @@ from pipeline.optimisation.comparison import (
     load_trace,
     tool_spans,
 )
-from pipeline.optimisation.full_twin import NOTHING, Result
+from pipeline.optimisation.full_twin import NOTHING, Result, check_axes
+from pipeline.optimisation.job import Job
 from pipeline.optimisation.methods.genes import Method
 from pipeline.optimisation.proof.prove import with_proof_comment
-from pipeline.optimisation.reliability.uncertainty import used_models
+from pipeline.optimisation.reliability.part_loads import cut_ranges, force_intervals
+from pipeline.optimisation.reliability.uncertainty import uncertainty, used_models
+from pipeline.optimisation.settings import Part
 from pipeline.optimisation.text.editable_blocks import reads_feed
 from pipeline.optimisation.text.words import FeedWords
 from pipeline.schema import part as stored
@@ -31,14 +34,38 @@ from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.files import together
 from pipeline.schema.limits import by_tool_words
 from pipeline.schema.part import OptimisedPart, Totals, write_part
-from pipeline.schema.program_cut import CutWarning, NotKnown
-from pipeline.schema.store import write_bytes
+from pipeline.schema.program_cut import (
+    AS_WRITTEN,
+    CutProgram,
+    CutWarning,
+    NotKnown,
+    ProgramCut,
+)
+from pipeline.schema.store import write_bytes, write_json
 from pipeline.twin.cut.axes import half_widths
 from pipeline.twin.cut.coefficients import changed_earlier, tool_edges
-from pipeline.twin.cut.document import assessed, life_sources, not_known, notes, warnings_of
+from pipeline.twin.cut.document import (
+    assessed,
+    document_of,
+    life_sources,
+    not_known,
+    notes,
+    warnings_of,
+)
+from pipeline.twin.cut.loads import Cut
 from pipeline.twin.cut.tables import figure, summary
 from pipeline.twin.cut.warnings import setup_warnings
+from pipeline.twin.preflight import (
+    Preflight,
+    limits_of,
+    preflight,
+    preflight_warnings,
+    violation_lines,
+)
+from pipeline.twin.simulation import program_times, write_block_table
 
+AXES = "following error and motor command in the cut"
+"""Quantities that are not known without drives."""
 DIGITS = 4
 """Digits of a metric."""
 
@@ -403,9 +430,32 @@ def _verified(result: Result) -> stored.TwinCheck:
 
 def _not_known(result: Result, after: Side) -> tuple[NotKnown, ...]:
     rows = not_known(after.of, result.job.basis)
-    why = result.answer.verified.axes.reason
-    what = "following error and motor command in the cut"
-    return (*rows, *([NotKnown(what=what, why=why)] if why else []))
+    return (*rows, *_axes_not_known(result.answer.verified.axes.reason))
+
+
+def _axes_not_known(why: str) -> tuple[NotKnown, ...]:
+    return (NotKnown(what=AXES, why=why),) if why else ()
+
+
+def cut_document(cut: Cut, job: Job, checked: Preflight) -> ProgramCut:
+    """The cut of a program as ``kerf simulate`` and the stage store it, by the models of ``job``.
+
+    ``checked``: the program against travel, speeds, feeds and tool lengths.
+    """
+    models, coefficients, certainty = job.models, job.basis.coefficients, job.settings.certainty
+    document = document_of(cut, job.basis)
+    axes = check_axes(cut, models.drives, residual=models.residual)
+    ranges = cut_ranges(cut)
+    used = {number: coefficients[number] for number in ranges}
+    uncertain = uncertainty(
+        used, job.cut.tools, models.cutting, models.judged, certainty, ranges=ranges
+    )
+    return replace(
+        document, axes=axes.axes,
+        forces=force_intervals(cut, uncertain, coefficients, models.cutting, certainty.seed),
+        not_known=(*document.not_known, *_axes_not_known(axes.reason)),
+        warnings=(*preflight_warnings(checked.violations), *document.warnings),
+    )  # fmt: skip
 
 
 def write_program(label: str, before: bytes, after: bytes, part: OptimisedPart, out: Path) -> None:
@@ -414,6 +464,26 @@ def write_program(label: str, before: bytes, after: bytes, part: OptimisedPart, 
         write_bytes(before, out / f"{label}.before.nc")
         write_bytes(after, out / f"{label}.nc")
         write_part(part, out / f"{label}.json")
+
+
+def write_as_written(of: Part, result: Result, part: OptimisedPart, out: Path) -> None:
+    """Write times and cut of the program as written, and the table of its moves.
+
+    They are ``<label>.json`` and ``<label>.parquet`` in the folder ``as_written`` of ``out``.
+    """
+    job, cut = result.job, result.written
+    drive, moves = job.basis.drive, cut.plan.path.moves
+    limits = limits_of(job.setup, top_speed_rpm=None if drive is None else drive.top_speed_rpm)
+    checked = preflight(moves, job.setup, limits)
+    times = replace(
+        program_times(cut.plan, of.label), machine=part.machine, origin=part.origin,
+        file=of.program, sha256=part.proof.before_sha256, blocks=len(moves),
+        violations=tuple(violation_lines(checked.violations)),
+    )  # fmt: skip
+    document, folder = cut_document(cut, job, checked), out / AS_WRITTEN
+    with together():
+        write_json(CutProgram(time=times, cut=document), folder / f"{of.label}.json")
+        write_block_table(cut.plan, folder / f"{of.label}.parquet")
 
 
 def part_metrics(parts: Mapping[str, OptimisedPart]) -> dict[str, float | int | bool]:

@@ -263,7 +263,9 @@ class Result:
     """Program, machine, limits."""
     moves: Moves = field(repr=False)
     before: Cut = field(repr=False)
-    """Cut of the program as programmed."""
+    """Cut of the program as programmed, in the blocks that long ones are split into."""
+    written: Cut = field(repr=False)
+    """Cut of the program as written."""
     problem: Problem = field(repr=False)
     """Problem in its last form, after tightening."""
     blockwise: Decision = field(repr=False)

@@ -9,8 +9,10 @@ from pipeline.cutting.economics.cost import CostRates, EnergyParameters
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.engagement.stock import stock_of
-from pipeline.cutting.stability.tip_dynamics import TipDynamics
+from pipeline.cutting.stability.tip_dynamics import TipDynamics, TipModes
 from pipeline.cutting.tool import ToolTable
+from pipeline.gcode.errors import NO_BLOCK
+from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, read_program
 from pipeline.gcode.setup import Setup
@@ -23,6 +25,7 @@ from pipeline.schema.part import Objective
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 from pipeline.twin.cut.coefficients import (
+    MachineWear,
     ToolWear,
     identified_coefficients,
     identified_no_load,
@@ -50,6 +53,8 @@ class MachineModels:
     """Identified cut."""
     verdicts: Mapping[str, Verdict | None] = field(default_factory=dict)
     """Verdicts by the name of each sub-model that was identified; None where it was not judged."""
+    wear: MachineWear = field(default_factory=MachineWear)
+    """Wear of the machine's tools."""
     residual: Residual | None = field(default=None, repr=False)
     """Network for what the drives leave over; None where it is not used."""
     residual_name: str = ""
@@ -84,8 +89,8 @@ class Job:
     catalogue: CuttingCatalogue | None = field(default=None, repr=False)
     """Cutting data by tool and operation; without it F and S are bounded by ``limits``
     alone."""
-    moves: Moves | None = field(default=None, repr=False)
-    """Moves of the program with ``setup``, where it was followed before."""
+    moves: Moves = field(repr=False)
+    """Moves of the program with ``setup``."""
 
 
 class Interrupted(KeyboardInterrupt):
@@ -108,19 +113,22 @@ class Workshop:
     """Origin of the drive's values."""
     energy: EnergyParameters | None
     """Power that the machine draws beside the cut."""
-    dynamics: TipDynamics | None
-    """Dynamics of the tools' tips."""
+    dynamics: TipDynamics | TipModes | None
+    """Dynamics of the tools' tips: as measured, or the machine's modes."""
     catalogue: CuttingCatalogue
     """Cutting data by tool and operation."""
     wear: ToolWear = field(default_factory=ToolWear)
-    """Wear that the tools are taken to have."""
+    """Wear of the tools that was requested; where none was, the rule of the settings holds."""
 
 
-def machine_models(folder: Path, control: ControlParameters) -> MachineModels:
+def machine_models(
+    folder: Path, control: ControlParameters, wear: MachineWear | None = None
+) -> MachineModels:
     """Drives, cut and verdicts in ``data/champion/<machine>``, as far as there are."""
     drives, cutting = folder / "drive/model.json", folder / "cutting/model.json"
     return MachineModels(
         control=control,
+        wear=wear or MachineWear(),
         drives=read_drives(drives) if drives.exists() else {},
         cutting=read_json(cutting, CuttingModel) if cutting.exists() else None,
         verdicts={
@@ -134,69 +142,83 @@ def _verdict(path: Path) -> Verdict | None:
     return read_json(path, Verdict) if path.exists() else None
 
 
-def part_program(path: Path, setup: Setup) -> tuple[Program, Setup]:
-    """The program at ``path``, and the set-up that also finds subprograms in its folder."""
-    if not path.is_file():
-        raise ValueError(f"{path} does not exist: name a program of the machine in parts.programs")
-    return read_program(path), replace(setup, folders=(*setup.folders, path.resolve().parent))
-
-
 @dataclass(frozen=True, kw_only=True)
 class JobRequest:
-    """Optimisation of one part of a machine, by the stage or by a command."""
+    """A part of a machine as it was requested, by the stage or by a command."""
 
     program: Program
     """Program as written."""
     part: Part
     """Blank, tools, material, objective, limits."""
+    workshop: Workshop
+    """Tools, material, prices and the spindle."""
     models: MachineModels
     """Models that were identified of the machine."""
     setup: Setup
     """Set-up of the machine, with the folder of the program's subprograms."""
     settings: OptimisationSettings
     """Reliability, grouping, search."""
-    moves: Moves | None = None
-    """Moves of the program with ``setup``, where it was followed before."""
+    moves: Moves
+    """Moves of the program with ``setup``."""
 
 
-def job_of(request: JobRequest, workshop: Workshop) -> Job:
-    """The job of a request, with what the machine's sections and conf/ say of it."""
-    part = request.part
-    cut, basis = cut_of(part, workshop, request.models.cutting, request.setup)
-    return Job(
-        program=request.program, setup=request.setup, models=request.models, cut=cut, basis=basis,
-        limits=part.limits, objective=part.objective, settings=request.settings,
-        catalogue=workshop.catalogue, moves=request.moves,
+def job_request(
+    path: Path, part: Part, workshop: Workshop, models: MachineModels, *, setup: Setup,
+    settings: OptimisationSettings, moves: Moves | None = None,
+) -> JobRequest:  # fmt: skip
+    """Request of the program at ``path``, whose subprograms may lie in its folder.
+
+    ``moves``: those that it makes, where it was followed before.
+    """
+    if not path.is_file():
+        raise ValueError(f"{path} does not exist: name a program of the machine in parts.programs")
+    beside = replace(setup, folders=(*setup.folders, path.resolve().parent))
+    program = read_program(path)
+    moves = interpret(program, beside) if moves is None else moves
+    if len(moves) == 0:
+        raise ValueError(NO_BLOCK.format(path.name))
+    return JobRequest(
+        program=program, part=part, workshop=workshop, models=models, setup=beside,
+        settings=settings, moves=moves,
     )  # fmt: skip
 
 
-def cut_of(
-    part: Part, workshop: Workshop, cutting: CuttingModel | None, setup: Setup
-) -> tuple[CutJob, CutBasis]:
-    """Cut of a part, and the prices, cutting coefficients and limits that it is evaluated by."""
+def job_of(request: JobRequest, share: float = 1.0) -> Job:
+    """Job of a request: its cut, and what that is evaluated by.
+
+    ``share``: share of the criterion that tools are worn to [1].
+    """
+    part, workshop, models = request.part, request.workshop, request.models
     tools = {
         number: replace(tool, role="thread_mill")
         if not tool.role and named_operation(tool.name) == "thread_milling" else tool
         for number, tool in workshop.table.tools.items()
     }  # fmt: skip
-    identified = identified_coefficients(cutting)
+    rule = workshop.wear.rule if workshop.wear.requested else request.settings.wear
+    wear = replace(workshop.wear, machine=models.wear, rule=rule, share=share)
+    identified = identified_coefficients(models.cutting)
     sharp = tool_coefficients(tools, part.material, workshop.material, identified)
     names = part.material, workshop.material.name
-    coefficients = worn_coefficients(sharp, tools, workshop.wear, names)
-    drive, source = spindle_drive(workshop.drive, workshop.drive_source, cutting)
-    job = CutJob(
+    coefficients = worn_coefficients(sharp, tools, wear, names)
+    drive, source = spindle_drive(workshop.drive, workshop.drive_source, models.cutting)
+    tips = workshop.dynamics
+    cut = CutJob(
         stock=stock_of(part.stock), tools=tools,
         force_laws={number: one.law for number, one in coefficients.items()},
-        resolution=part.resolution_mm * 1e-3, offsets=setup.work_offsets,
+        resolution=part.resolution_mm * 1e-3, offsets=request.setup.work_offsets,
         offset=part.work_offset,
     )  # fmt: skip
     basis = CutBasis(
         stock=part.stock, table=part.tool_table, material=workshop.material,
         coefficients=coefficients, limit_load=part.limits.load_N, rates=workshop.rates,
-        energy=workshop.energy, drive=drive, drive_source=source, dynamics=workshop.dynamics,
-        wear=workshop.wear,
+        energy=workshop.energy, drive=drive, drive_source=source,
+        dynamics=TipDynamics.of_modes(tips) if isinstance(tips, TipModes) else tips, wear=wear,
     )  # fmt: skip
-    return job, basis
+    return Job(
+        program=request.program, setup=request.setup, models=models, cut=cut, basis=basis,
+        limits=part.limits, objective=part.objective, settings=request.settings,
+        catalogue=workshop.catalogue, moves=request.moves,
+    )  # fmt: skip
 
 
 def spindle_drive(

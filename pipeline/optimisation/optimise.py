@@ -23,7 +23,6 @@ from pipeline.optimisation.job import (
     Job,
     JobRequest,
     Progress,
-    Workshop,
     job_of,
 )
 from pipeline.optimisation.methods.blockwise import blockwise_optimum
@@ -100,33 +99,27 @@ def optimise(job: Job, progress: Progress | None = None) -> Result:
     return _best(_Optimisation(job, progress or _alone, NOTHING))
 
 
-def optimise_worn(
-    request: JobRequest, workshop: Workshop, progress: Progress | None = None
-) -> Result:
+def optimise_worn(request: JobRequest, progress: Progress | None = None) -> Result:
     """Best program that keeps the limits until its tools are changed.
 
     Where no feed keeps them at the criterion of wear, it is lowered to the greatest of ``SHARES``
     that allows one; a requested wear is not.  Raises as :func:`optimise` does.
     """
-    wear = workshop.wear
-    if wear.rule != "criterion" or wear.requested or wear.given:
-        return optimise(job_of(request, workshop), progress)
-
-    def worn(share: float) -> Job:
-        return job_of(request, replace(workshop, wear=replace(wear, share=share)))
-
-    if all(one.sharp is None for one in worn(SHARES[0]).basis.coefficients.values()):
-        return optimise(worn(SHARES[0]), progress)
+    whole = job_of(request)
+    wear, coefficients = whole.basis.wear, whole.basis.coefficients.values()
+    fixed = wear.rule != "criterion" or wear.requested or wear.given
+    if fixed or all(one.sharp is None for one in coefficients):
+        return optimise(whole, progress)
     given_up = NOTHING
     while True:  # again without the tools that cannot keep their limits even when they are sharp
         for share in SHARES[:-1]:
             try:
-                run = _Optimisation(worn(share), progress or _alone, given_up)
+                run = _Optimisation(job_of(request, share), progress or _alone, given_up)
                 kept = run.outcome()
             except LimitsError:
                 continue
             return kept if kept.interrupted else _best(run, kept)
-        sharp = _best(_Optimisation(worn(SHARES[-1]), progress or _alone, given_up))
+        sharp = _best(_Optimisation(job_of(request, SHARES[-1]), progress or _alone, given_up))
         if sharp.given_up == given_up:
             return sharp
         given_up = sharp.given_up
@@ -207,7 +200,7 @@ class _Optimisation:
         answer, methods = self._methods(problem, outcome)
         nominal = self._nominal(problem)
         return Result(
-            job=job, moves=self.moves, before=self.before, problem=problem,
+            job=job, moves=self.moves, before=self.before, written=self.before, problem=problem,
             blockwise=outcome.blockwise, answer=answer, proof=self._proof(answer),
             methods=(*methods, *nominal), front=outcome.front, uncertain=self.uncertain,
             nominal=DIRECT if nominal else None, risk=self._risk(answer),
@@ -484,8 +477,7 @@ def _unchanged(decision: Decision) -> Decision:
 
 
 def _as_programmed(job: Job) -> _Text:
-    program = job.program
-    moves = interpret(program, job.setup) if job.moves is None else job.moves
+    program, moves = job.program, job.moves
     cut = cut_program(planned_program(moves, job.models.control), job.cut)
     if not (cut.tool >= 0).any():
         said = missed_blank(cut, job.basis.stock)
@@ -511,7 +503,7 @@ def _best(run: _Optimisation, whole: Result | None = None) -> Result:
     with suppress(ValueError, Interrupted):  # what splitting cannot do, the whole program can
         parts = None if run.interrupted else run.in_parts()
         if parts is not None:
-            split, points = parts.result(), parts.text.points
+            split, points = replace(parts.result(), written=run.before), parts.text.points
     at = f"long blocks are split at {points} point{'s' * (points > 1)}"
     if whole is None:
         if split is None:

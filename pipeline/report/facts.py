@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,14 +14,15 @@ from pipeline.charts.sources import SourceRegistry, picked, shown
 from pipeline.charts.submodel_page import PageContent, Subject, submodel_page
 from pipeline.report.alarms import Alarms, machine_alarms
 from pipeline.report.folders import MachineFolders, program_pages
-from pipeline.report.part_programs import PartPrograms, part_programs
-from pipeline.report.programs.simulated import Program, simulated_programs
+from pipeline.report.part_programs import MODELS, PartPrograms, part_programs
+from pipeline.report.programs.simulated import Program, program_of, simulated_programs
 from pipeline.report.records import Changed, RecordsRead, records_read
 from pipeline.report.texts import Texts
 from pipeline.report.work import Work, work
 from pipeline.schema.bundle import BUNDLE, Bundle, model_hash
 from pipeline.schema.golden import Days, GoldenSets
 from pipeline.schema.model import Model
+from pipeline.schema.program_cut import AS_WRITTEN, CutProgram
 from pipeline.schema.si import DAY
 from pipeline.schema.verdict import Verdict
 from pipeline.submodels.contract import Shown, submodel
@@ -243,6 +244,8 @@ class MachineFacts:
     day_uses: Mapping[str, str] = field(default_factory=dict)
     absent: Mapping[str, list[str]] = field(default_factory=dict)
     logged: tuple[str, ...] = ()
+    written: Mapping[str, Program] = field(default_factory=dict)
+    """Programs as written with their cut, by the label of their optimisation."""
 
     @property
     def pages(self) -> list[SubModelPage]:
@@ -261,9 +264,11 @@ class MachineFacts:
     @property
     def program_files(self) -> dict[str, str]:
         """File of the page of each program that could be read, optimised ones first."""
-        names = [part.label for part in self.parts.programs]
+        names = []
+        for part in self.parts.programs:
+            names += [part.label, *(one.name for one in [self.written.get(part.label)] if one)]
         names += [program.name for program in self.programs if not program.refused]
-        return program_pages(self.folders.name, names)
+        return program_pages(self.folders.name, dict.fromkeys(names))
 
     @property
     def doubtful_items(self) -> list[Changed]:
@@ -303,6 +308,7 @@ def machine_facts(folders: MachineFolders) -> MachineFacts:
     models = modelled_parts(folders, shelf, None if truth is None else truth.document)
     scores = [score for one in models if one.judged is not None for score in one.judged.scores]
     second = any(score.quantity.startswith("second_") for score in scores)
+    programs, parts = simulated_programs(folders.programs, shelf), part_programs(folders, shelf)
     return MachineFacts(
         folders=folders,
         shelf=shelf,
@@ -310,8 +316,9 @@ def machine_facts(folders: MachineFolders) -> MachineFacts:
         alarms=machine_alarms(folders, shelf),
         work=work(folders, shelf, "second_" if second else ""),
         models=models,
-        programs=simulated_programs(folders.programs, shelf),
-        parts=part_programs(folders, shelf),
+        programs=programs,
+        parts=parts,
+        written=written_programs(parts, programs, shelf),
         golden=golden,
         serving=serving(folders, shelf, models),
         truth=truth,
@@ -319,6 +326,30 @@ def machine_facts(folders: MachineFolders) -> MachineFacts:
         absent=absent_items(folders, shelf),
         logged=logged_signals(folders),
     )
+
+
+def written_programs(
+    parts: PartPrograms, simulated: Iterable[Program], shelf: SourceRegistry
+) -> dict[str, Program]:
+    """Programs as written with their cut, by the label of their optimisation.
+
+    One that is simulated for the report too has that name, and the interval of its time.
+    """
+    labels = {part.label for part in parts.programs}
+    known = {one.summary.file: one for one in simulated if one.name not in labels}
+    programs = {}
+    for part in parts.programs:
+        path = part.path.parent / AS_WRITTEN / part.path.name
+        found = shelf.read(path, CutProgram, MODELS)
+        if found is not None:
+            same = known.get(found.time.file)
+            summary = replace(
+                found.time, program=same.name if same else f"{part.label} as written",
+                total_time_90_s=same.summary.total_time_90_s if same else None,
+            )  # fmt: skip
+            program = program_of(summary, path, shelf)
+            programs[part.label] = replace(program, cut=found.cut, verdicts=part.part.verdicts)
+    return programs
 
 
 def _truth(folders: MachineFolders, shelf: SourceRegistry) -> Truth | None:

@@ -1,7 +1,8 @@
 """Pages of the fleet, of each machine and of its programs as HTML, with key figures and metrics.
 
 The page of a program is that of the command: of an optimised one that of ``kerf optimise``, with
-what the simulated shop floor cut of it; of a simulated one where its time goes.
+what the simulated shop floor cut of it; of the same as written, with its cut, that of ``kerf
+simulate``; of one without a blank where its time goes.
 
 Every page is one file that needs nothing else: styles and figures stand in it, and a content
 security policy forbids it to load anything.  No script runs but the one that moves the mark along
@@ -17,6 +18,7 @@ from pipeline.charts.sections import PartVerdict, Section, present
 from pipeline.charts.sources import SourceRegistry
 from pipeline.charts.tables import Column, Table, sources, tabulated
 from pipeline.report import changes
+from pipeline.report.cut.page import cut_page
 from pipeline.report.cut.tables import NONE, figure, share
 from pipeline.report.evidence import evidence_pages
 from pipeline.report.facts import (
@@ -32,7 +34,7 @@ from pipeline.report.lead_page import lead_page
 from pipeline.report.optimised import tables
 from pipeline.report.optimised.page import optimised_page
 from pipeline.report.part_programs import PartProgram, PartPrograms
-from pipeline.report.programs.simulated import feed_classes, simulated_page, time_section
+from pipeline.report.programs.simulated import feed_classes, simulated_page
 from pipeline.report.standalone_page import StandalonePage, rendered, renderer
 from pipeline.report.texts import ENGLISH, Texts
 from pipeline.report.verdict import machine_notes, machine_verdict
@@ -152,16 +154,21 @@ def machine_program_pages(facts: MachineFacts) -> Iterator[tuple[str, Standalone
     parts = {part.label: part for part in facts.parts.programs}
     simulated = {program.name: program for program in facts.programs}
     classes = feed_classes([one.moves for one in facts.programs if one.moves is not None])
-    for name, file in facts.program_files.items():
-        if name not in parts:
-            page = simulated_page(simulated[name], classes, facts.shelf, _assumed(facts))
-        else:
+    files, written = facts.program_files, facts.written
+    labels = {program.name: label for label, program in written.items()}
+    for name, file in files.items():
+        beside: tuple[tuple[str, str], ...] = ()
+        if name in parts:
             page = _part_page(facts, parts[name])
-            if name in simulated:
-                program = simulated[name]
-                section = time_section(program, classes, *program.sources(facts.shelf))
-                page = replace(page, sections=[*page.sections, section])
-        yield file, replace(page, up=up, credit=facts.folders.credit)
+            if name in written:
+                beside = ((files[written[name].name], "As written"),)
+        elif name in labels:
+            program = written[labels[name]]
+            page = cut_page(program, *program.sources(facts.shelf))
+            beside = ((files[labels[name]], "Optimised"),)
+        else:
+            page = simulated_page(simulated[name], classes, facts.shelf, _assumed(facts))
+        yield file, replace(page, up=(*up, *beside), credit=facts.folders.credit)
 
 
 def _assumed(facts: MachineFacts) -> set[str]:

@@ -46,7 +46,7 @@ class StandalonePage:
     computed: str = ""
     """Sentence at its end on what was computed and what was measured."""
     up: tuple[tuple[str, str], ...] = ()
-    """Address and words of the report's pages above it; empty for a page by itself."""
+    """Address and words of the report's pages above and beside it; empty for a page by itself."""
     credit: str = ""
     """Names to be credited for the machine's records."""
     script: Markup | None = None

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 
 from pipeline.schema.drive import AxisInCut
 
+AS_WRITTEN = "as_written"
+"""Folder of programs as written with their cuts, beside their optimisation."""
 Curve = tuple[float | None, ...]
 """Values along an axis; None where there is none."""
 
@@ -422,3 +424,13 @@ class SimulatedProgram:
     """Number of moves."""
     violations: tuple[str, ...] = ()
     """Lines that leave the machine's travel, speeds, feeds or tool lengths, in words."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutProgram:
+    """A simulated part program with the cut of its blocks."""
+
+    time: SimulatedProgram
+    """Times of the program."""
+    cut: ProgramCut
+    """Cut of its blocks."""

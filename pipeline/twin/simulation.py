@@ -116,6 +116,17 @@ def summary(plan: Plan, name: str) -> dict[str, Any]:
     }
 
 
+def program_times(plan: Plan, name: str) -> SimulatedProgram:
+    """Times of a program as they are stored."""
+    return structured(summary(plan, name), SimulatedProgram, name)
+
+
+def write_block_table(plan: Plan, path: Path) -> None:
+    """Store the moves of a planned program as Parquet."""
+    with replacing(path) as part:
+        block_table(plan).to_parquet(part, compression="zstd")
+
+
 def without_time(plan: Plan) -> dict[str, int]:
     """Counts of tool changes, spindle starts and stops without a time in the control."""
     moves, known = plan.path.moves, plan.path.control.auxiliary
@@ -244,13 +255,11 @@ def simulate_files(
         except GcodeError as error:
             program = replace(program, refused=str(error))
         else:
-            table = block_table(plan)
-            times = structured(summary(plan, name), SimulatedProgram, name)
             program = replace(
-                times, machine=machine, origin=origin, file=program.file, sha256=program.sha256,
-                blocks=len(table), violations=tuple(violation_lines(checked.violations)),
+                program_times(plan, name), machine=machine, origin=origin, file=program.file,
+                sha256=program.sha256, blocks=len(moves),
+                violations=tuple(violation_lines(checked.violations)),
                 total_time_90_s=time_interval(plan, intervals or {}, learnt or {}, ends),
             )  # fmt: skip
-            with replacing(out / f"{name}.parquet") as part:
-                table.to_parquet(part, compression="zstd")
+            write_block_table(plan, out / f"{name}.parquet")
         write_json(program, out / f"{name}.json")

@@ -16,6 +16,7 @@ from threadpoolctl import threadpool_limits
 from pipeline.cutting.economics.cost import CostRates
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.tool import ToolTable
+from pipeline.gcode.interpret import interpret
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
 from pipeline.gcode.setup import Tool as Register
@@ -212,8 +213,9 @@ def paper_job(
     settings: OptimisationSettings | None = None,
 ) -> Job:  # fmt: skip
     """The part with the paper's coefficients (conf/material/A6061), or what was identified."""
+    program = parse_program(PROGRAM.encode(), f"{NAME}.nc")
     request = JobRequest(
-        program=parse_program(PROGRAM.encode(), f"{NAME}.nc"), setup=SETUP,
+        program=program, setup=SETUP, moves=interpret(program, SETUP), workshop=_workshop(),
         models=MachineModels(
             control=CONTROL, cutting=None if knowledge is None else knowledge.model,
             verdicts={} if knowledge is None else {"cutting": knowledge.verdict},
@@ -224,12 +226,15 @@ def paper_job(
         ),
         settings=settings or OptimisationSettings(),
     )  # fmt: skip
-    workshop = Workshop(
+    return job_of(request)
+
+
+def _workshop() -> Workshop:
+    return Workshop(
         table=_table(), material=_conf("material/A6061.yaml", Material), drive=None,
         rates=_conf("cost/default.yaml", CostRates), drive_source="", energy=None, dynamics=None,
         catalogue=None,  # type: ignore[arg-type]  # limits of the part alone
     )  # fmt: skip
-    return job_of(request, workshop)
 
 
 def _table() -> ToolTable:

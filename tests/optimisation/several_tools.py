@@ -6,6 +6,7 @@ from pipeline.app.tables import read_catalogue, read_material
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.tool import Tool, ToolTable
+from pipeline.gcode.interpret import interpret
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
@@ -48,8 +49,8 @@ def request_of(
     settings: OptimisationSettings = QUICK, control: ControlParameters = CONTROL,
     limits: CutLimit | None = None, resolution: float = 1.0, law: Material | None = None,
     **known: Any,
-) -> tuple[JobRequest, Workshop]:  # fmt: skip
-    """A program on a bare control, and a workshop without prices but for what is ``known``."""
+) -> JobRequest:  # fmt: skip
+    """A program on a bare control, in a workshop without prices but for what is ``known``."""
     part = Part(program="P.nc", stock=stock, tool_table="mine", material=material,
                 limits=limits or CutLimit(), resolution_mm=resolution)  # fmt: skip
     workshop = Workshop(
@@ -57,11 +58,11 @@ def request_of(
         catalogue=read_catalogue(),
         **({"rates": None, "drive": None, "energy": None, "dynamics": None} | known),
     )  # fmt: skip
-    request = JobRequest(
-        program=parse_program(text.encode(), "P.nc"), part=part, setup=Setup(),
-        models=MachineModels(control=control), settings=settings,
+    program = parse_program(text.encode(), "P.nc")
+    return JobRequest(
+        program=program, part=part, setup=Setup(), models=MachineModels(control=control),
+        workshop=workshop, settings=settings, moves=interpret(program, Setup()),
     )  # fmt: skip
-    return request, workshop
 
 
 def optimised(
@@ -71,7 +72,7 @@ def optimised(
     """The program of ``text`` (without M30) with limits by the names of their fields."""
     given = TOOLS if tools is None else tools
     limit = CutLimit(**limits)
-    return optimise_worn(*request_of(f"{text}M30\n", given, stock=stock, limits=limit, drive=drive))
+    return optimise_worn(request_of(f"{text}M30\n", given, stock=stock, limits=limit, drive=drive))
 
 
 def document(result: Result) -> OptimisedPart:

@@ -11,6 +11,7 @@ import pytest
 
 from pipeline.app.optimise import optimise_lines
 from pipeline.cutting.engagement.stock import stock_of
+from pipeline.gcode.interpret import interpret
 from pipeline.gcode.program import parse_program
 from pipeline.optimisation.comparison import Side, exceeded_limits, load_trace
 from pipeline.optimisation.document import optimised_text
@@ -210,8 +211,9 @@ DIAMETER, FLUTES = 6.0, 2  # mm, of the paper's end mill
 def briefly(settings: OptimisationSettings, text: str, **limits: Any) -> Result:
     """The part with another program."""
     job = paper_job("time", settings=settings)
+    program = parse_program(text.encode(), "O2023.nc")
     return optimise(replace(
-        job, program=parse_program(text.encode(), "O2023.nc"),
+        job, program=program, moves=interpret(program, job.setup),
         limits=replace(job.limits, **limits),
     ))  # fmt: skip
 

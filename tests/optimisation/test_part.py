@@ -13,11 +13,10 @@ from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.gcode.setup import Setup
 from pipeline.optimisation.document import part_metrics, write_program
 from pipeline.optimisation.job import (
-    JobRequest,
     MachineModels,
     Workshop,
     job_of,
-    part_program,
+    job_request,
     spindle_drive,
 )
 from pipeline.optimisation.settings import OptimisationSettings, Part, Parts
@@ -101,13 +100,12 @@ def test_no_two_parts_write_the_same_file() -> None:
 def job_in(tmp_path: Path, models: MachineModels, **change: Any) -> Any:
     program = tmp_path / "parts/O1.nc"
     program.parent.mkdir(exist_ok=True)
-    program.write_text("%\nO1\nM30\n%\n")
+    program.write_text("%\nO1\nG0 X0\nM30\n%\n")
     part = Part(**(PART | {"limits": CutLimit(load_N=60.0)} | change))
-    read, setup = part_program(tmp_path / part.program, Setup())
-    request = JobRequest(
-        program=read, part=part, models=models, setup=setup, settings=OptimisationSettings()
-    )
-    return job_of(request, workshop())
+    return job_of(job_request(
+        tmp_path / part.program, part, workshop(), models, setup=Setup(),
+        settings=OptimisationSettings(),
+    ))  # fmt: skip
 
 
 def test_a_job_holds_what_the_part_and_the_models_say(tmp_path: Path) -> None:

@@ -53,12 +53,12 @@ def optimised(
 ) -> Result:  # fmt: skip
     """A program optimised with nothing given but what stands here."""
     law = read_material(material)
-    request, workshop = request_of(
+    request = request_of(
         text, {1: tool}, stock=f"box:0,{long or length(tool)},0,60,-30,0", material=material,
         settings=SETTINGS, control=control(), limits=limits, resolution=0.5, drive=DRIVE,
         dynamics=dynamics, law=replace(law, group=group or law.group),
     )  # fmt: skip
-    return optimise(job_of(request, workshop))
+    return optimise(job_of(request))
 
 
 def length(tool: Tool) -> int:

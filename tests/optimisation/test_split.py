@@ -170,7 +170,7 @@ def job_on(text: str, *, split: bool, **limits: float) -> Job:
     settings = OptimisationSettings(
         certainty=ReliabilitySettings(epsilon=0.5, draws=16), grouping=grouping, search=search
     )
-    return job_of(*request_of(
+    return job_of(request_of(
         text, read_tools("shop").tools, stock="box:-4,104,-4,64,-20,0", settings=settings,
         limits=CutLimit(**limits),
     ))  # fmt: skip

@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.report.cut.page import SimulatedCut, write_cut_page
+from pipeline.report.cut.page import write_cut_page
 from pipeline.report.cut.tables import share, spans_of
 from pipeline.report.programs.panels import Panel
+from pipeline.report.programs.simulated import Program
 from pipeline.schema.program_cut import (
     BasisRow,
     Blank,
@@ -29,6 +30,7 @@ from pipeline.schema.program_cut import (
     NotKnown,
     PartTotals,
     ProgramCut,
+    SimulatedProgram,
     ToolTotals,
     WorstBlock,
 )
@@ -96,9 +98,8 @@ def made(origin="simulated", **changes):
                          points=(point,)),
         blocks=(),
     )  # fmt: skip
-    return SimulatedCut(
-        program=f"CAM{NAME}", machine="mill01", origin=origin, cut=replace(cut, **changes)
-    )
+    summary = SimulatedProgram(program=f"CAM{NAME}", machine="mill01", origin=origin)
+    return Program(summary=summary, moves=None, cut=replace(cut, **changes))
 
 
 def page(tmp_path: Path, shown) -> Path:

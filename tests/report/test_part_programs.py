@@ -11,10 +11,14 @@ from optimise_documents import optimised, part
 from page_reader import every_word
 from report_folders import FLEET, empty_machine, machine, reported
 
+from pipeline.report.cut.page import write_cut_page
 from pipeline.report.folders import MachineFolders
 from pipeline.report.optimised.page import write_optimised_page
 from pipeline.report.pages import write_report
+from pipeline.report.programs.simulated import Program
+from pipeline.schema.program_cut import CutProgram, SimulatedProgram
 from pipeline.schema.store import write_json
+from tests.report.test_cut_page import made
 from tests.submodels.cutting import cutting_files
 
 
@@ -80,6 +84,32 @@ def test_a_program_s_page_in_the_report_is_that_of_the_command(tmp_path: Path) -
     assert both[0] == both[1] and len(both[0]) > 8
     figures = [re.findall(r"<svg.*?</svg>", one.read_text(), re.S) for one in (found, alone)]
     assert figures[0] == figures[1]
+
+
+@pytest.mark.parametrize("simulated", [False, True])
+def test_a_program_as_written_has_the_page_of_the_command(tmp_path: Path, simulated: bool) -> None:
+    """Where the report shows it simulated too, that page is the one of its cut."""
+    cut = replace(made().cut, axes=(), edges=())
+    folders = with_parts(tmp_path, machine(tmp_path, "m", days=3), {"SLOT": optimised()})
+    time = SimulatedProgram(program="SLOT", machine="m", origin="simulated", file="parts/S.nc")
+    write_json(CutProgram(time=time, cut=cut), tmp_path / "parts/m/as_written/SLOT.json")
+    name = "S.nc" if simulated else "SLOT as written"
+    if simulated:
+        sure = replace(time, program=name, total_time_90_s=(29.0, 31.0))
+        write_json(sure, tmp_path / "programs/m/S.nc.json")
+    write_report([folders], FLEET, None, tmp_path / "out")
+    found = tmp_path / f"out/m_program_{name.replace(' ', '_')}.html"
+    alone = tmp_path / "alone.html"
+    shown = Program(summary=replace(time, program=name), moves=None, cut=cut)
+    write_cut_page(shown, alone, tmp_path / "parts/m/as_written/SLOT.json")
+    for of in (r'<section id="([a-z-]+)"', r"(?s)<svg.*?</svg>"):
+        assert re.findall(of, found.read_text()) == re.findall(of, alone.read_text())
+    assert ("90\u202f% interval 29.0\u202fs to 31.0\u202fs" in found.read_text()) is simulated
+    programs = (tmp_path / "out/m_programs.html").read_text()
+    assert [
+        f'href="{page.name}"' in programs for page in (tmp_path / "out").glob("m_program_*")
+    ] == [True, True]
+    assert f'{found.name}">As written<' in (tmp_path / "out/m_program_SLOT.html").read_text()
 
 
 def test_the_head_says_which_program_to_load(tmp_path: Path) -> None:

@@ -72,6 +72,20 @@ def test_the_document_keeps_its_limits_and_is_proved(project: Path) -> None:
     assert found["methods"][0]["method"] == "as programmed"
 
 
+def test_the_cut_as_written_is_that_before(project: Path) -> None:
+    """It is stored beside the optimisation, as worn and with what the machine's limits say."""
+    (path,) = (project / PARTS / "as_written").glob("*.json")
+    written, found = json.loads(path.read_text()), document(project)
+    before, cut = found["before"], written["cut"]
+    assert written["time"]["sha256"] == found["proof"]["before_sha256"]
+    assert written["time"]["file"] == f"parts/{path.stem}.nc"
+    assert cut["summary"]["time_s"] == before["time_s"]
+    assert cut["summary"]["peak_load_N"] == before["peak_load_N"]
+    assert cut["summary"]["cost"]["sum"] == before["cost"]
+    assert cut["limits"]["load_N"] == LIMIT and cut["forces"] and len(cut["blocks"]) > 1
+    assert path.with_suffix(".parquet").exists()
+
+
 def test_metrics_are_those_of_the_document(project: Path) -> None:
     metrics = json.loads((project / f"data/metrics/{MACHINE}_optimise.json").read_text())
     found, (label,) = document(project), {p.stem for p in (project / PARTS).glob("*.json")}
@@ -95,10 +109,13 @@ def test_the_shop_floor_cuts_both_and_the_page_lays_them_side_by_side(project: P
         (project / "data" / place).mkdir(exist_ok=True)
     with inside(project):
         run("report", *(f"data/{p}" for p in places), "reports", "data/metrics/report.json")
-    (path,) = (project / "reports").glob(f"{MACHINE}_program_*.html")
-    page = path.read_text()
-    assert path.name in (project / f"reports/{MACHINE}_programs.html").read_text()
+    pages = (project / "reports").glob(f"{MACHINE}_program_*.html")
+    path, written = sorted(pages, key=lambda one: len(one.name))
+    page, programs = path.read_text(), (project / f"reports/{MACHINE}_programs.html").read_text()
+    assert all(one.name in programs for one in (path, written))
     assert "cut on the simulated shop floor 1 times" in page
+    assert f'href="{written.name}">As written<' in page
+    assert "Load along the path" in written.read_text()
 
 
 def test_a_part_that_the_shop_floor_does_not_make_is_refused(project: Path, tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """Page of one program's cut and its figures: verdict, load, engagement, stability, cost, basis."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +32,6 @@ from pipeline.schema.program_cut import (
     ProgramCut,
 )
 from pipeline.schema.store import write_text
-from pipeline.schema.verdict import UsedModel
 
 TOP = 42  # px: tools and head above the first panel
 LOAD_HEIGHT = 210  # px
@@ -184,39 +182,29 @@ BLOCK = "block"
 NOTHING = "Nothing is cut: the tool never meets the stock. Look at the stock's place and size."
 
 
-@dataclass(frozen=True, kw_only=True)
-class SimulatedCut:
-    """The cut of a program on a machine."""
-
-    program: str
-    machine: str
-    origin: str
-    """Origin of the machine's records, ``simulated`` or ``recorded``."""
-    cut: ProgramCut
-    verdicts: tuple[UsedModel, ...] = ()
-    """Verdicts on the sub-models that it rests on."""
-    time: Program | None = None
-    """The program through the machine's control; without it its time is not drawn."""
-
-
-def write_cut_page(shown: SimulatedCut, out: Path, source: Path | None = None) -> None:
-    """Write the page of a cut; ``source`` is the file that holds it."""
+def write_cut_page(program: Program, out: Path, source: Path | None = None) -> None:
+    """Write the page of a program with its cut; ``source`` is the file that holds it."""
     sources = [source_of(source)] if source is not None else []
-    page = cut_page(shown, sources)
-    write_text(rendered(page), out)
+    write_text(rendered(cut_page(program, sources, sources)), out)
 
 
-def cut_page(shown: SimulatedCut, sources: list[Source]) -> StandalonePage:
-    """Verdict, key figures and sections of a cut, in the order in which they are read."""
-    cut = shown.cut
+def cut_page(program: Program, sources: list[Source], moves: list[Source]) -> StandalonePage:
+    """Verdict, key figures and sections of a cut, in the order in which they are read.
+
+    ``sources``: files of the cut and of the times; ``moves``: of the moves.
+    """
+    cut, name, machine = program.cut, program.name, program.summary.machine
+    if cut is None:
+        raise ValueError(f"{name} has no cut: name its blank, tools and material")
     status, word, sentences = _verdict(cut)
-    if doubtful := doubts(shown.verdicts):
+    if doubtful := doubts(program.verdicts):
         status, sentences = "attention" if status == "passed" else status, [*doubtful, *sentences]
+    classes = feed_classes([] if program.moves is None else [program.moves])
     sections = [
-        verdicts_section(shown.verdicts),
-        _load_section(shown.program, cut, sources),
+        verdicts_section(program.verdicts),
+        _load_section(name, cut, sources),
         _stability_section(cut, sources),
-        None if shown.time is None else _time_section(shown.time, sources),
+        time_section(program, classes, sources, moves),
         Section(
             key="cost",
             title="Time, tool life and cost",
@@ -225,24 +213,19 @@ def cut_page(shown: SimulatedCut, sources: list[Source]) -> StandalonePage:
         _basis_section(cut, sources),
     ]
     return StandalonePage(
-        program=shown.program,
-        machine=shown.machine,
-        about=f"Cut of {cut.stock.text} in {cut.material.name} on {shown.machine}",
-        origin="simulated" if shown.origin == "simulated" else "recorded",
+        program=name,
+        machine=machine,
+        about=f"Cut of {cut.stock.text} in {cut.material.name} on {machine}",
+        origin=program.origin,
         status=status,
         word=word,
         sentences=sentences,
-        key_figures=_key_figures(cut),
+        key_figures=_key_figures(cut, program.interval),
         sections=[s for s in sections if s is not None],
         running="Kerf: cut of a part program",
         computed="Computed by Kerf from the program, the stock and the tools named above; nothing "
         "of it was measured in a cut.",
     )
-
-
-def _time_section(program: Program, sources: list[Source]) -> Section:
-    classes = feed_classes([] if program.moves is None else [program.moves])
-    return time_section(program, classes, sources, sources)
 
 
 def _verdict(cut: ProgramCut) -> tuple[str, str, list[str]]:
@@ -285,19 +268,19 @@ def _sentences(warnings: Iterable[CutWarning]) -> list[str]:
     ]
 
 
-def _key_figures(cut: ProgramCut) -> list[tuple[str, str, str]]:
+def _key_figures(cut: ProgramCut, interval: str) -> list[tuple[str, str, str]]:
     total, limit = cut.summary, cut.limits.load_N
     where = [f"line {total.peak_line}"] if total.peak_line is not None else []
     where += [f"limit {number(limit)} N"] if limit is not None else []
     driven, air = total.drive_share, total.air_share
+    in_air = "" if air is None else f"{tables.share(air)} of the time at feed in air"
     return [
         ("Peak load", _with_unit(total.peak_load_N, "N"), ", ".join(where)),
         ("Peak power", _with_unit(total.power_kW, "kW"),
          "drive not known" if driven is None else f"{tables.share(driven)} of the drive"),
         ("Removed", _with_unit(total.volume_cm3, "cm³"),
          f"{_with_unit(total.removal_rate_cm3_min, 'cm³/min')} while cutting"),
-        ("Program", duration(total.time_s),
-         "" if air is None else f"{tables.share(air)} of the time at feed in air"),
+        ("Program", duration(total.time_s), "; ".join(filter(None, (interval, in_air)))),
         _cost_figure(total.cost or tables.NO_COST, cut.currency or ""),
     ]  # fmt: skip
 

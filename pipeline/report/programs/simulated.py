@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pyarrow as pa
@@ -25,7 +26,8 @@ from pipeline.report.programs.moves import (
     program_moves,
 )
 from pipeline.report.standalone_page import StandalonePage
-from pipeline.schema.program_cut import SimulatedProgram, ToolTime
+from pipeline.schema.program_cut import ProgramCut, SimulatedProgram, ToolTime
+from pipeline.schema.verdict import UsedModel
 
 WORTH_SAYING = 0.05
 """Share of a program's time from which a bound is named [1]."""
@@ -74,6 +76,10 @@ class Program:
     summary: SimulatedProgram
     moves: ProgramMoves | None
     files: tuple[Path, Path] = (Path(), Path())
+    cut: ProgramCut | None = None
+    """Cut of its blocks; None where nothing is said of blank, tools and material."""
+    verdicts: tuple[UsedModel, ...] = ()
+    """Verdicts on the sub-models that the cut rests on."""
 
     @property
     def name(self) -> str:
@@ -95,18 +101,33 @@ class Program:
         """Predicted time [s]."""
         return self.summary.total_time_s
 
+    @property
+    def interval(self) -> str:
+        """90 % interval of the predicted time in words; empty where it is not known."""
+        if self.summary.total_time_90_s is None:
+            return ""
+        low, high = (duration(end) for end in self.summary.total_time_90_s)
+        return f"90{NARROW}% interval {low} to {high}"
+
+    @property
+    def origin(self) -> Literal["simulated", "recorded"]:
+        """Origin of the machine's records."""
+        return "simulated" if self.summary.origin == "simulated" else "recorded"
+
 
 def simulated_programs(folder: Path | None, shelf: SourceRegistry) -> list[Program]:
     """Simulated programs of a machine, the longest first."""
     paths = [] if folder is None else sorted(folder.glob("*.json"))
-    programs = [one for path in paths if (one := _program(path, shelf)) is not None]
+    programs = [
+        program_of(summary, path, shelf)
+        for path in paths
+        if (summary := shelf.read(path, SimulatedProgram, MADE_FROM)) is not None
+    ]
     return sorted(programs, key=lambda p: (-(p.seconds or 0.0), p.name))
 
 
-def _program(path: Path, shelf: SourceRegistry) -> Program | None:
-    summary = shelf.read(path, SimulatedProgram, MADE_FROM)
-    if summary is None:
-        return None
+def program_of(summary: SimulatedProgram, path: Path, shelf: SourceRegistry) -> Program:
+    """Program of a summary in the file ``path``, with the table of moves beside it."""
     table_path = path.with_suffix(".parquet")
     table = None if summary.refused else shelf.table(table_path, COLUMNS, MADE_FROM)
     moves = None
@@ -193,29 +214,25 @@ def simulated_page(
         machine=summary.machine,
         about=f"Run through the identified control of {summary.machine}; positions are in the "
         "machine’s frame",
-        origin="simulated" if summary.origin == "simulated" else "recorded",
+        origin=program.origin,
         status="failed" if beyond else "unknown",
         word="leaves the machine" if beyond else f"{duration(program.seconds)} predicted",
         sentences=[
             *([f"{sentence(_leaves(program))}."] if beyond else []),
             *(f"{sentence(w)}." for w in words if w),
         ],
-        key_figures=_key_figures(summary),
+        key_figures=_key_figures(program),
         sections=[time_section(program, classes, *program.sources(shelf))],
         running="Kerf: time of a part program",
         computed="Computed by Kerf from the program and the model of the machine’s control.",
     )
 
 
-def _key_figures(summary: SimulatedProgram) -> list[tuple[str, str, str]]:
-    path, blocks = summary.path_length_mm, summary.blocks
-    tools = _tools(summary)
-    interval = ""
-    if summary.total_time_90_s is not None:
-        low, high = (duration(end) for end in summary.total_time_90_s)
-        interval = f"90{NARROW}% interval {low} to {high}"
+def _key_figures(program: Program) -> list[tuple[str, str, str]]:
+    summary = program.summary
+    path, blocks, tools = summary.path_length_mm, summary.blocks, _tools(summary)
     return [
-        ("Time", duration(summary.total_time_s), interval),
+        ("Time", duration(summary.total_time_s), program.interval),
         ("Cutting", duration(summary.cutting_time_s),
          percent(summary.cutting_time_s, summary.total_time_s)),
         ("Path", NOT_KNOWN if path is None else f"{number(path / 1000)}{NARROW}m", ""),

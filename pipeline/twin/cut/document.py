@@ -267,7 +267,7 @@ def _basis(cut: Cut, blocks: CutBlocks, basis: CutBasis) -> tuple[BasisRow, ...]
     used = np.unique(blocks.tool).tolist()
     own = {cut.numbers[tool]: cut.tools[tool].limit_load_N for tool in used}
     if said := by_tool_words(basis.limit_load, own, "N"):
-        rows.append(("limit of the load", said, "--limit-load, or the tool table"))
+        rows.append(("limit of the load", said, "the limits of the part, or the tool table"))
     if basis.drive is not None:
         power = f"{basis.drive.rated_power_kW:g} kW from {basis.drive.base_speed_rpm:g} rev/min on"
         rows.append(("spindle’s drive", power, basis.drive_source))
