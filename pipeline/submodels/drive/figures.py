@@ -1,4 +1,4 @@
-"""Figures of the feed drives: friction over speed, mass over time, loops of the speed.
+"""Figures of the feed drives: friction over speed, mass over time.
 
 Friction is drawn against the direction of motion, so that both directions share one scale, over the
 logarithm of speed, so that the slow end shows, where the force falls.
@@ -13,7 +13,7 @@ from pipeline.charts.numbers import counted, powers, quantity
 from pipeline.charts.sections import Figure, Figures
 from pipeline.charts.sources import Source
 from pipeline.schema.arrays import Floats
-from pipeline.schema.drive import CurvePoint, DriveAxis, FrictionPoint, RecursiveMass, SpeedLoops
+from pipeline.schema.drive import CurvePoint, DriveAxis, FrictionPoint, RecursiveMass
 from pipeline.schema.model import Parameter
 
 SEEN = 0.15
@@ -26,10 +26,6 @@ DIRECTIONS = ((1, "positive", "+"), (-1, "negative", "−"))
 """Sign of the speed, name and sign in words of each direction."""
 SETTLED = 0.2
 """Share of a recording before which the recursive estimate may leave the figure [1]."""
-LOOPS = (("PI", "measured"), ("fuzzy PI", "modelled"))
-"""Kinds of speed loops, and their lines."""
-TUNED = "tuned alike"
-"""Gains of the loops in the figure."""
 
 
 def axis_figures(
@@ -166,16 +162,3 @@ def mass_strip(mass: RecursiveMass, batch: Parameter | None) -> tuple[Strip, Axi
         curves=[("modelled", t, value)], levels=levels,
     )  # fmt: skip
     return strip, axis("Time, s", span)
-
-
-def loops_figure(loops: SpeedLoops, made: list[Source]) -> Figures:
-    """Speed over time of both kinds of speed loop, tuned alike."""
-    shown = {one.kind: one for one in loops.loops if one.gains == TUNED}
-    curves = [(kind, np.array(shown[name].time_ms), np.array(shown[name].speed_percent))
-              for name, kind in LOOPS if name in shown]  # fmt: skip
-    words = f"Speed of axis {loops.axis} after a step of 1000 rev/min, both kinds {TUNED}."
-    below = axis("Time, ms", (0.0, max((float(t[-1]) for _, t, _ in curves), default=1.0)))
-    strip = Strip(head="Speed, % of the step", height=220, curves=curves, zero=True)
-    figure = Figure(svg=strips_figure([strip], below, words), caption=words, sources=made)
-    legend = [(f"l-{kind}", name, "line") for name, kind in LOOPS]
-    return Figures(figures=[figure], legend=legend, kind="one")

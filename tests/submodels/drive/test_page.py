@@ -15,8 +15,8 @@ from pipeline.schema.drive import CurvePoint, DriveAxis, FrictionPoint, Recursiv
 from pipeline.schema.model import Parameter
 from pipeline.schema.verdict import Fact
 from pipeline.submodels.drive.figures import friction_strip, mass_strip
-from pipeline.submodels.drive.page import truth_as_fitted
 from pipeline.submodels.drive.submodel import SUBMODEL
+from pipeline.submodels.drive.truth import truth_as_fitted
 from tests.submodels.drive.shown_drives import (
     drive_axis,
     drive_model,

@@ -24,11 +24,11 @@ from pipeline.shop.drives.parameters import Axis, ShaftRecords
 from pipeline.shop.drives.records import Move, travel
 from pipeline.shop.parameters import AxisLimits
 from pipeline.submodels.drive.estimates import SENSOR
-from pipeline.submodels.drive.figures import loops_figure
 from pipeline.submodels.drive.records import Recording
 from pipeline.submodels.drive.shaft import ShaftFit, identify_shaft
 from pipeline.submodels.drive.shaft_signals import MASS, signals_of
 from pipeline.submodels.drive.speed_loops import verdict_words
+from pipeline.submodels.drive.speed_loops_page import loops_figure
 
 STEPS = 20
 """Steps of the integration in a sample."""
