@@ -7,9 +7,12 @@ stages ``identify_<name>`` and ``judge_<name>``, the registry and the report kno
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_type_hints
+
+import numpy as np
 
 from pipeline.schema.model import Model, Parameter
 from pipeline.schema.store import read_json
@@ -24,6 +27,8 @@ if TYPE_CHECKING:
 Fit = TypeVar("Fit")
 Judging = TypeVar("Judging")
 M = TypeVar("M", bound=Model)
+EVEN = 0.02
+"""Deviation of the distance of two rows from the period of a table, over it, at most [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,10 +167,16 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
         """A small table that :meth:`serve`'s predictor takes."""
 
     def answer(self, folder: Path) -> "Callable[[pd.DataFrame], pd.DataFrame]":
-        """:meth:`serve`'s predictor, with NaN for the ends of intervals that are not known."""
+        """:meth:`serve`'s predictor, with NaN for the ends of intervals that are not known.
+
+        It raises ValueError where a column of numbers or times holds something else.
+        """
         predict, blank = self.serve(folder), set(self.unknown_columns(folder))
+        columns = self.example(folder).select_dtypes(["number", "datetimetz"])
 
         def answered(table: "pd.DataFrame") -> "pd.DataFrame":
+            for name in columns.columns.intersection(table.columns):
+                _check_column(table[name], "time" if columns[name].dtype.kind == "M" else "number")
             found = predict(table)
             return found.assign(**{name: float("nan") for name in found if name in blank})
 
@@ -222,6 +233,47 @@ def unknown_intervals(folder: Path) -> Mapping[tuple[str, str], str]:
     """Why intervals of the sub-model in ``folder`` are not known, by quantity and regime."""
     path = folder / "verdict.json"
     return read_json(path, Verdict).unknown_intervals if path.exists() else {}
+
+
+def _check_column(column: "pd.Series[Any]", kind: str) -> None:
+    """Refuse a column with something else than a number, or a time; missing values may be."""
+    import pandas as pd
+
+    read: Any = pd.to_numeric if kind == "number" else partial(pd.to_datetime, utc=True)
+    wrong = (read(column, errors="coerce").isna() & column.notna()).to_numpy()
+    if wrong.any():
+        row = int(wrong.argmax())
+        raise ValueError(
+            f"{column.name} is {column.iloc[row]!r} in row {row + 1}, which is no {kind}: give one"
+        )
+
+
+def row_period(table: "pd.DataFrame", *needed: str, learnt: float | None = None) -> float:
+    """Period of the rows of a table [s], from its column ``t`` [s].
+
+    ValueError where the rows are not evenly spaced, or not by the period that was ``learnt``, and
+    where a value of the columns ``needed`` is missing.
+    """
+    if "t" not in table.columns or len(table) < 2:
+        raise ValueError("the input has no column t of two rows or more: give it in seconds")
+    for name in ("t", *needed):
+        finite = np.isfinite(table[name].to_numpy(float))
+        if not finite.all():
+            row = int(finite.argmin())
+            raise ValueError(
+                f"{name} is {table[name].iloc[row]} in row {row + 1}: give a value in each row"
+            )
+    steps = np.diff(table["t"].to_numpy(float))
+    period = learnt or float(np.median(steps))
+    even = np.abs(steps - period) <= EVEN * period
+    if not (period > 0 and even.all()):
+        row = int(even.argmin())
+        wanted = f"{period:g} s were learnt" if learnt else f"{period:g} s lie between most rows"
+        raise ValueError(
+            f"rows {row + 1} and {row + 2} of the input are {steps[row]:g} s apart, {wanted}: give "
+            "evenly spaced rows of that period"
+        )
+    return learnt or float(steps.mean())
 
 
 def submodels() -> list[str]:

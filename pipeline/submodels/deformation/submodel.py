@@ -24,7 +24,16 @@ from pipeline.submodels.conformal import (
     adaptive,
     interval,
 )
-from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import (
+    Ends,
+    Input,
+    Prediction,
+    Predictor,
+    Shown,
+    SubModel,
+    Target,
+    row_period,
+)
 from pipeline.submodels.deformation.fit import FEWEST_PROFILES, columns_of, errors_of, fit_growth
 from pipeline.submodels.deformation.methods import SIMPLE
 from pipeline.submodels.deformation.model import (
@@ -54,8 +63,6 @@ FOLLOWED = "growth, interval follows the probe"
 """The same prediction with the interval that adapts to readings of the probe."""
 AGAIN_DRAWN = 8
 """Means of seeds drawn with replacement that a recording is predicted by again [1]."""
-EVEN = 0.02
-"""Greatest deviation of the time between two rows of a table, as a share [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -272,16 +279,7 @@ def _constant(profile: Profile) -> Callable[[], Profile]:
 
 def _state(table: pd.DataFrame, file: DeformationModel) -> State:
     """State of a table; ValueError without a column or row, or with another row period."""
-    period = file.sensors.period_s
-    if "t" not in table.columns or not len(table):
-        raise ValueError("the input has no column t with rows: give the time since the start in s")
-    steps = np.diff(table["t"].to_numpy(float))
-    if len(steps) and not np.all(np.abs(steps - period) <= EVEN * period):
-        worst = steps[np.argmax(np.abs(steps - period))]
-        raise ValueError(
-            f"two rows of the input are {worst:g} s apart, {period:g} s were learnt: give rows "
-            "every so often"
-        )
+    period = row_period(table, learnt=file.sensors.period_s)
     return state_of_table(table, file.channels, period)
 
 

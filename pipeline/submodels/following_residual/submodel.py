@@ -17,7 +17,16 @@ from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
 from pipeline.submodels.conformal import interval
-from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import (
+    Ends,
+    Input,
+    Prediction,
+    Predictor,
+    Shown,
+    SubModel,
+    Target,
+    row_period,
+)
 from pipeline.submodels.following_residual.features import Features, features_of
 from pipeline.submodels.following_residual.fit import UM, chosen, fit_axes, leak_shown, searched
 from pipeline.submodels.following_residual.model import (
@@ -261,18 +270,14 @@ class FollowingResidual(SubModel[Fitting, Judging, ResidualModel]):
         model = load_residual(folder)
 
         def predict(table: pd.DataFrame) -> pd.DataFrame:
-            if "t" not in table.columns or len(table) < 2:
-                raise ValueError(
-                    "the input has no column t of two rows or more: give it in seconds"
-                )
-            t = table["t"].to_numpy(float)
-            found: dict[str, Any] = {"t": t}
+            row_period(table)
+            found: dict[str, Any] = {"t": table["t"].to_numpy(float)}
             for letter, uses in model.file.axes.items():
                 names = [f"{letter}_{one}" for one in SERVED]
                 if PREDICTION not in uses or any(name not in table.columns for name in names):
                     continue
+                period = row_period(table, *names)
                 reference, error, command = (table[name].to_numpy(float) for name in names)
-                period = float(np.diff(t).mean())
                 residual, half = model.residual(letter, reference, error, command, period)
                 found |= {
                     f"{letter}_residual": UM * residual, f"{letter}_low": UM * (residual - half),
