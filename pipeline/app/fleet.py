@@ -125,6 +125,7 @@ def ingest_files(
     """Read ``files`` as records of ``machine`` into ``out``, which then holds nothing else."""
     from pipeline.signals.formats import RecordSource, source_of
     from pipeline.signals.ingest import ingest
+    from pipeline.signals.store import early_ends
 
     for path in files:
         if not path.is_file():
@@ -148,7 +149,7 @@ def ingest_files(
         notes = _bring_devices(chosen, places, DATA / "raw" / machine, raw)
         ingest(raw, out, list(chosen.values()), identity, progress=advance)
     entries = json.loads((out / "manifest.json").read_text())["files"]
-    notes |= _commonest_reasons(entries, out)
+    notes |= early_ends(out) | _commonest_reasons(entries, out)
     return [
         FileResult(path=path, note=notes.get(place), **{
             name: entries[place][name] for name in ("read", "kept", "rejected", "reason")

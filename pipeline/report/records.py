@@ -64,10 +64,14 @@ class FileRead:
                                      "lie before the row above")}  # fmt: skip
         counts = {k: int(self.notes[k]["count"]) for k in verbs if k in self.notes}
         said = [f"{counted(n, 'row')} {verbs[k][n != 1]}" for k, n in counts.items()]
-        return said + [
-            f"{one['channel']} {one['said']}" + (": not read there" if one["certain"] else "")
-            for one in self.notes.get("faults", ())
-        ]
+        return (
+            said
+            + [
+                f"{one['channel']} {one['said']}" + (": not read there" if one["certain"] else "")
+                for one in self.notes.get("faults", ())
+            ]
+            + [str(self.notes["ends_early"])] * ("ends_early" in self.notes)
+        )
 
     @property
     def unbalanced(self) -> bool:
@@ -345,7 +349,7 @@ FILES: tuple[Column[tuple[str, FileRead]], ...] = (
 )  # fmt: skip
 FAULTS: tuple[Column[tuple[str, str]], ...] = (
     Column("File", lambda one: code(one[0])),
-    Column("what its rows show", lambda one: one[1]),
+    Column("what it shows", lambda one: one[1]),
 )
 REASONS: tuple[Column[Reason], ...] = (
     Column("Reason", lambda r: r.reason or "(no reason given)"),
