@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from pipeline.app.machine import machine_text, propose
+from pipeline.app.machine import fleet_text, machine_text, propose, said
 from pipeline.app.records import (
     ItemSeries,
     item_record,
@@ -101,6 +101,22 @@ def test_the_spindle_that_warms_is_modelled_and_timers_are_found(tmp_path: Path)
     assert [signals[f"{one}_time"] for one in ("total", "auto", "cut")] == [
         "POWERED", "WORKING", "LOADED",
     ]  # fmt: skip
+
+
+def test_without_a_day_of_records_no_sub_model_is_proposed(
+    given: tuple[Path, Path], tmp_path: Path
+) -> None:
+    """A fleet is proposed that builds: a sub-model without training days would be refused."""
+    log = tmp_path / "empty.txt"
+    log.touch()
+    found = propose("lathe", given[0], [log], "two", tmp_path / "raw")
+    assert not found.lacking and not found.days
+    assert "roles" not in yaml.safe_load(machine_text(found))
+    assert yaml.safe_load(fleet_text(found, ["spindle"]))["submodels"] == {"spindle": []}
+    (line,) = said(found, [("spindle", "spindle", "")])[-1:]
+    assert "no day of records is here; put logs into data/raw/lathe, name days in roles" in line
+    with pytest.raises(ValueError, match=r"empty\.txt is empty: give the Devices document, logs"):
+        propose("lathe", None, [log], None, tmp_path / "raw")
 
 
 def test_without_a_log_several_devices_are_a_question(

@@ -64,14 +64,11 @@ class FileRead:
                                      "lie before the row above")}  # fmt: skip
         counts = {k: int(self.notes[k]["count"]) for k in verbs if k in self.notes}
         said = [f"{counted(n, 'row')} {verbs[k][n != 1]}" for k, n in counts.items()]
-        return (
-            said
-            + [
-                f"{one['channel']} {one['said']}" + (": not read there" if one["certain"] else "")
-                for one in self.notes.get("faults", ())
-            ]
-            + [str(self.notes["ends_early"])] * ("ends_early" in self.notes)
-        )
+        said += [str(self.notes[k]) for k in ("ends_early",) if k in self.notes]
+        return said + [
+            f"{one['channel']} {one['said']}" + (": not read there" if one["certain"] else "")
+            for one in self.notes.get("faults", ())
+        ]
 
     @property
     def unbalanced(self) -> bool:
