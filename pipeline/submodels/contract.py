@@ -57,6 +57,8 @@ class Target:
     target without limits and coverage is shown and decides nothing."""
     baselines: tuple[str, ...] = ()
     """Predictions that are made beside the model's, simpler or in hindsight."""
+    titles: Mapping[str, str] = field(default_factory=dict)
+    """Baselines in words, where their names are none."""
     must_beat: tuple[str, ...] = ()
     """Baselines that the model has to beat, on MAE and on RMSE both, over all groups."""
     each_group: bool = False

@@ -35,7 +35,7 @@ from pipeline.submodels.contract import (
     row_period,
 )
 from pipeline.submodels.deformation.fit import FEWEST_PROFILES, columns_of, errors_of, fit_growth
-from pipeline.submodels.deformation.methods import SIMPLE
+from pipeline.submodels.deformation.methods import METHODS, SIMPLE
 from pipeline.submodels.deformation.model import (
     KEPT,
     REGIMES,
@@ -147,6 +147,7 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
             Target(
                 quantity=GROWTH, unit="um", baselines=others,
                 must_beat=beaten[:1] if model.champion in SIMPLE else beaten, widens=True,
+                titles={name: METHODS[name].label for name in SIMPLE},
             ),
             *(
                 Target(

@@ -68,6 +68,12 @@ NAMES = {
 """Kinds of network by their name in words."""
 
 
+def titles(*, with_drive: bool) -> dict[str, str]:
+    """What serves and what it is compared with, in words."""
+    alone = NAMES[TWIN] if with_drive else "nothing predicted"
+    return NAMES | {PERSISTENCE: "last error known", TWIN: alone}
+
+
 @dataclass(frozen=True, kw_only=True)
 class ResidualFitSettings(Ranged, section="following_residual_fit"):
     """Training and comparison of the networks."""

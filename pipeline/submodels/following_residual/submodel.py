@@ -43,6 +43,7 @@ from pipeline.submodels.following_residual.model import (
     UseModel,
     attention_shown,
     load_residual,
+    titles,
 )
 from pipeline.submodels.following_residual.records import ResidualRecords, Run, read_runs
 from pipeline.submodels.statistics import drawn_again
@@ -163,6 +164,7 @@ class FollowingResidual(SubModel[Fitting, Judging, ResidualModel]):
                         quantity=f"{QUANTITIES[use]} {letter}", unit="um", baselines=others,
                         must_beat=(base,) if base in others else (), coverage=(least, most),
                         most_percent=limits.most_percent,
+                        titles=titles(with_drive=model.with_drive),
                     )
                 )  # fmt: skip
         return tuple(found)
