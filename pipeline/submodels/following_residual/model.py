@@ -1,4 +1,4 @@
-"""Stored model of the following residual, its predictor and its attention.
+"""Stored model of the residual following error, its predictor and its attention.
 
 For each axis and use, networks of each kind are kept as they were trained on all but one fold of
 the training recordings; what serves is the mean of those of the champion.  Its ``residual``

@@ -127,7 +127,7 @@ class FollowingResidual(SubModel[Fitting, Judging, ResidualModel]):
     """Residual following error beyond the drives' model."""
 
     name: ClassVar[str] = "following_residual"
-    title: ClassVar[str] = "following error that the drive model leaves over"
+    title: ClassVar[str] = "residual following error"
     needs: ClassVar[str] = (
         "commanded and measured position of each axis at 500 Hz or more, in five recordings or "
         "more of motions like those that shall be predicted"
