@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 import yaml
 
@@ -14,6 +15,7 @@ from pipeline.app.records import (
     machine_records,
     without_holes,
 )
+from pipeline.schema.store import write_table
 from pipeline.signals.cleaning.recorded import near
 from pipeline.signals.formats import format_of, looks_like
 from pipeline.stages.compose import composed
@@ -157,6 +159,15 @@ def test_an_item_without_records_is_said(tmp_path: Path) -> None:
     assert "no record has a value of S1load, which the machine's file names as spindle_load" in (
         list(lines(rows))
     )
+
+
+def test_columns_of_tables_have_the_units_of_their_layout(tmp_path: Path) -> None:
+    fields = [pa.field("time", pa.timestamp("ns", tz="UTC")),
+              pa.field("load", pa.float64(), metadata={"unit": "percent"})]  # fmt: skip
+    table = pa.table({"time": [0, 10**9], "load": [1.0, 2.0]}, schema=pa.schema(fields))
+    write_table(table, tmp_path / "traces/a.parquet")
+    (row,) = machine_records(tmp_path, {}, {})
+    assert (row.item, row.unit, row.samples) == ("load", "percent", 2)
 
 
 def test_near_names_ignore_case() -> None:
