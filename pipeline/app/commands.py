@@ -293,7 +293,7 @@ def synthesise(
         typer.echo(line)
 
 
-machine_app = typer.Typer(no_args_is_help=True, help="Machines of one's own.")
+machine_app = typer.Typer(cls=kerf.OneSentence, no_args_is_help=True, help="Machines of one's own.")
 app.add_typer(machine_app, name="machine", rich_help_panel=kerf.RECORDS)
 
 

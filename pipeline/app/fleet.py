@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from pipeline.app.output import LOG, many
+from pipeline.app.output import LOG, check_folder, many
 from pipeline.fleet import Fleet
 from pipeline.parameters import ParametersError, read_params, read_yaml, structure
 from pipeline.schema.days import UTC, day_of_text
@@ -131,6 +131,7 @@ def ingest_files(
         if not path.is_file():
             state = "is no file" if path.exists() else "does not exist"
             raise ValueError(f"{path} {state}: name the records to read, each one")
+    check_folder(out)
     if out.resolve().is_relative_to((DATA / "signals").resolve()):
         raise ValueError(f"{out} is written by `dvc repro`: name another folder with --out")
     values = machine_parameters(machine)
@@ -478,6 +479,7 @@ def _document(path: Path) -> dict[str, Any]:
 
 def write_report(out: Path) -> Path:
     """Write the pages from what stands in data/; the path of the first."""
+    check_folder(out)
     from pipeline.report.texts import ReportSettings
     from pipeline.stages.report import report
 
