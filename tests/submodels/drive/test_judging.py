@@ -56,7 +56,7 @@ IDENTITY = MachineIdentity(name="mill", origin="simulated")
 SETTINGS = DriveFitSettings(compare=False)
 PERIOD = 1e-3
 SERVO = ServoParameters(position_gain=40.0, velocity_gain=300.0, integral_gain=9e3)
-WAY = DirectionFriction(coulomb=60.0, static=80.0, viscous=200.0)
+WAY = DirectionFriction(coulomb=60.0, static=80.0, stribeck_velocity=0.005, viscous=200.0)
 SCREW = FeedDriveParameters(
     mass=95.0, force_constant=100.0, offset=25.0,
     friction=FrictionParameters(positive=WAY, negative=WAY),
@@ -390,7 +390,7 @@ def test_emps_in_closed_loop():
     assert value["velocity_scale"] == pytest.approx(1.0, abs=5e-3)
     assert value["velocity_lag"] == pytest.approx(PERIOD, rel=0.05)  # one sample of its servo
     assert fit.determined[[fit.names.index(n) for n in ("position_scale", "velocity_scale")]].all()
-    way = DirectionFriction(coulomb=20.4, static=20.4, viscous=203.5)
+    way = DirectionFriction(coulomb=20.4, static=20.4, stribeck_velocity=0.005, viscous=203.5)
     screw = FeedDriveParameters(
         mass=95.1, force_constant=constants.force_constant or 0.0, offset=-3.16,
         friction=FrictionParameters(positive=way, negative=way),
