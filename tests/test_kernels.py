@@ -17,8 +17,8 @@ import pipeline
 from pipeline import kernels
 from pipeline.app import compiling
 from pipeline.app.compiling import _is_readable, _type, _written
-from pipeline.machine.axis.drive_parameters import DriveColumn
 from pipeline.machine.axis.drive import Side
+from pipeline.machine.axis.drive_parameters import DriveColumn
 
 LOOPS = """
 from pipeline.kernels import compiled
