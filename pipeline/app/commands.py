@@ -141,7 +141,7 @@ def golden(
     json: kerf.Json = None,
 ) -> None:
     """Freeze MACHINE's golden set: no model is fitted on it, every sub-model is judged on it."""
-    from pipeline.app.fleet import freeze_set, learnt_and_frozen
+    from pipeline.app.golden_sets import freeze_set, learnt_and_frozen
 
     def asked(question: str) -> bool:
         return again or (sys.stdin.isatty() and typer.confirm(question, err=True))
