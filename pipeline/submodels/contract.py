@@ -12,8 +12,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_type_hints
 
-import numpy as np
-
 from pipeline.schema.model import Model, Parameter
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Score, Verdict
@@ -27,8 +25,6 @@ if TYPE_CHECKING:
 Fit = TypeVar("Fit")
 Judging = TypeVar("Judging")
 M = TypeVar("M", bound=Model)
-EVEN = 0.02
-"""Deviation of the distance of two rows from the period of a table, over it, at most [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -248,34 +244,6 @@ def _check_column(column: "pd.Series[Any]", kind: str) -> None:
         raise ValueError(
             f"{column.name} is {column.iloc[row]!r} in row {row + 1}, which is no {kind}: give one"
         )
-
-
-def row_period(table: "pd.DataFrame", *needed: str, learnt: float | None = None) -> float:
-    """Period of the rows of a table [s], from its column ``t`` [s].
-
-    ValueError where the rows are not evenly spaced, or not by the period that was ``learnt``, and
-    where a value of the columns ``needed`` is missing.
-    """
-    if "t" not in table.columns or len(table) < 2:
-        raise ValueError("the input has no column t of two rows or more: give it in seconds")
-    for name in ("t", *needed):
-        finite = np.isfinite(table[name].to_numpy(float))
-        if not finite.all():
-            row = int(finite.argmin())
-            raise ValueError(
-                f"{name} is {table[name].iloc[row]} in row {row + 1}: give a value in each row"
-            )
-    steps = np.diff(table["t"].to_numpy(float))
-    period = learnt or float(np.median(steps))
-    even = np.abs(steps - period) <= EVEN * period
-    if not (period > 0 and even.all()):
-        row = int(even.argmin())
-        wanted = f"{period:g} s were learnt" if learnt else f"{period:g} s lie between most rows"
-        raise ValueError(
-            f"rows {row + 1} and {row + 2} of the input are {steps[row]:g} s apart, {wanted}: give "
-            "evenly spaced rows of that period"
-        )
-    return learnt or float(steps.mean())
 
 
 def submodels() -> list[str]:

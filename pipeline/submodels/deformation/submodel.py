@@ -16,6 +16,7 @@ from pipeline.schema.predictions import AGAIN
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact
+from pipeline.signals.windows import row_period
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
 from pipeline.submodels.conformal import (
     ALL_REGIMES,
@@ -24,16 +25,7 @@ from pipeline.submodels.conformal import (
     adaptive,
     interval,
 )
-from pipeline.submodels.contract import (
-    Ends,
-    Input,
-    Prediction,
-    Predictor,
-    Shown,
-    SubModel,
-    Target,
-    row_period,
-)
+from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.deformation.fit import FEWEST_PROFILES, columns_of, errors_of, fit_growth
 from pipeline.submodels.deformation.methods import METHODS, SIMPLE
 from pipeline.submodels.deformation.model import (

@@ -33,17 +33,9 @@ from pipeline.schema.model import Band, LeftOut, SourceFile, significant
 from pipeline.schema.ranges import Positive, Ranged
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role, widest
+from pipeline.signals.windows import row_period
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
-from pipeline.submodels.contract import (
-    Ends,
-    Input,
-    Prediction,
-    Predictor,
-    Shown,
-    SubModel,
-    Target,
-    row_period,
-)
+from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.drive import comparison
 from pipeline.submodels.drive.comparison import with_intervals
 from pipeline.submodels.drive.disturbance import PLACES, Disturbance

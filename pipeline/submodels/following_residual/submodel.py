@@ -15,18 +15,10 @@ from pipeline.schema.model import LeftOut, SourceFile
 from pipeline.schema.ranges import Positive, Ranged, Share
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Fact, Role
+from pipeline.signals.windows import row_period
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
 from pipeline.submodels.conformal import interval
-from pipeline.submodels.contract import (
-    Ends,
-    Input,
-    Prediction,
-    Predictor,
-    Shown,
-    SubModel,
-    Target,
-    row_period,
-)
+from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.following_residual.features import Features, features_of
 from pipeline.submodels.following_residual.fit import UM, chosen, fit_axes, leak_shown, searched
 from pipeline.submodels.following_residual.model import (
