@@ -64,7 +64,8 @@ class FileRead:
                                      "lie before the row above")}  # fmt: skip
         counts = {k: int(self.notes[k]["count"]) for k in verbs if k in self.notes}
         said = [f"{counted(n, 'row')} {verbs[k][n != 1]}" for k, n in counts.items()]
-        said += [str(self.notes[k]) for k in ("ends_early",) if k in self.notes]
+        early = self.notes.get("ends_early")
+        said += [str(early)] if early else []
         return said + [
             f"{one['channel']} {one['said']}" + (": not read there" if one["certain"] else "")
             for one in self.notes.get("faults", ())
