@@ -123,6 +123,12 @@ def kerf(project: Path, tmp_path: Path) -> Kerf:
             assert (read, kept, rejected) == (1, 0, 1)
             assert done.stderr == f"kerf: {path}: {said[0]['reason']}\n"
         assert bool(rejected) == ("each with its reason in" in done.stdout)
+        for one in said:  # what ends early is said where it is read, and by the manifest
+            if kept and one["reason"].startswith("the gzip stream"):
+                entry = json.loads((out / "manifest.json").read_text())["files"][name]
+                ends = f"{one['reason']}, for all from line {one['line']} on is lost"
+                assert done.stderr == f"kerf: {path}: {ends}\n"
+                assert entry["notes"] == {"ends_early": ends}
         return Answer(
             done.exit_code, read, kept, rejected,
             [r["reason"] for r in said], [r["line"] for r in said], out,

@@ -690,6 +690,11 @@ def test_choices_stand_in_the_help_and_in_the_refusal(project: Path) -> None:
         (("optimise", "a.nc", "-m", MACHINE, "--seed", "x"), "--seed x is no whole number: give"),
         (("optimise", "a.nc", "-m", MACHINE, "--feed", "5", "y"), "--feed y is no number: give"),
         (("simulate", "p.nc", "--machin", "mill01"), "No such option"),
+        (("status", "--json", "a.json", "--json=b.json"), "--json is given twice and holds one"),
+        (("simulate", "a.nc", "-m", MACHINE, "-mmill01"), "-m is given twice and holds one value"),
+        (("machine", "new", "x", "--devices", "a", "--devices", "b"), "--devices is given twice"),
+        (("ingest", "params.yaml", "-m", MACHINE, "--out", "params.yaml"), "params.yaml is a file"),
+        (("report", "--out", "params.yaml/in"), "params.yaml is a file: name a folder to write"),
         (("cut",), "No such command 'cut'"),
     ],
 )

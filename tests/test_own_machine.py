@@ -3,10 +3,11 @@
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 import yaml
 
-from pipeline.app.machine import machine_text, propose
+from pipeline.app.machine import fleet_text, machine_text, propose, said
 from pipeline.app.records import (
     ItemSeries,
     item_record,
@@ -14,6 +15,7 @@ from pipeline.app.records import (
     machine_records,
     without_holes,
 )
+from pipeline.schema.store import write_table
 from pipeline.signals.cleaning.recorded import near
 from pipeline.signals.formats import format_of, looks_like
 from pipeline.stages.compose import composed
@@ -103,6 +105,22 @@ def test_the_spindle_that_warms_is_modelled_and_timers_are_found(tmp_path: Path)
     ]  # fmt: skip
 
 
+def test_without_a_day_of_records_no_sub_model_is_proposed(
+    given: tuple[Path, Path], tmp_path: Path
+) -> None:
+    """A fleet is proposed that builds: a sub-model without training days would be refused."""
+    log = tmp_path / "empty.txt"
+    log.touch()
+    found = propose("lathe", given[0], [log], "two", tmp_path / "raw")
+    assert not found.lacking and not found.days
+    assert "roles" not in yaml.safe_load(machine_text(found))
+    assert yaml.safe_load(fleet_text(found, ["spindle"]))["submodels"] == {"spindle": []}
+    (line,) = said(found, [("spindle", "spindle", "")])[-1:]
+    assert "no day of records is here; put logs into data/raw/lathe, name days in roles" in line
+    with pytest.raises(ValueError, match=r"empty\.txt is empty: give the Devices document, logs"):
+        propose("lathe", None, [log], None, tmp_path / "raw")
+
+
 def test_without_a_log_several_devices_are_a_question(
     given: tuple[Path, Path], tmp_path: Path
 ) -> None:
@@ -141,6 +159,15 @@ def test_an_item_without_records_is_said(tmp_path: Path) -> None:
     assert "no record has a value of S1load, which the machine's file names as spindle_load" in (
         list(lines(rows))
     )
+
+
+def test_columns_of_tables_have_the_units_of_their_layout(tmp_path: Path) -> None:
+    fields = [pa.field("time", pa.timestamp("ns", tz="UTC")),
+              pa.field("load", pa.float64(), metadata={"unit": "percent"})]  # fmt: skip
+    table = pa.table({"time": [0, 10**9], "load": [1.0, 2.0]}, schema=pa.schema(fields))
+    write_table(table, tmp_path / "traces/a.parquet")
+    (row,) = machine_records(tmp_path, {}, {})
+    assert (row.item, row.unit, row.samples) == ("load", "percent", 2)
 
 
 def test_near_names_ignore_case() -> None:

@@ -58,6 +58,8 @@ from pipeline.twin.preflight import (
 ADDED = "-"
 NEAR = 1e-3
 """Rounding of words, as a share."""
+LONGEST = 160
+"""Characters of a line that are shown."""
 TABLE = "the tool table"
 NO_BLANK = "not checked: shank and holder against the part (give --stock and --tool-table)"
 
@@ -94,12 +96,18 @@ def check_lines(proof: Proof, before: Path, after: Path) -> Iterator[str]:
     yield ", ".join(counts)
     if proof.first is not None:
         yield f"not the same, first in line {proof.first.line}: {proof.first.reason}"
-        yield f"  {before.name}: {proof.first.before}"
-        yield f"  {after.name}: {proof.first.after}"
+        yield f"  {before.name}: {_printable(proof.first.before)}"
+        yield f"  {after.name}: {_printable(proof.first.after)}"
         return
     but = ", but for feed and speed" if proof.differences else ""
     yield f"{proof.moves} moves are the same to the last bit{but}"
     yield f"proof sha256 {proof.sha256}"
+
+
+def _printable(text: str) -> str:
+    """Beginning of a line as a terminal may show it, its control characters escaped."""
+    shown = text if len(text) <= LONGEST else f"{text[:LONGEST]} …"
+    return "".join(one if one.isprintable() else ascii(one)[1:-1] for one in shown)
 
 
 def range_lines(

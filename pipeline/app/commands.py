@@ -141,7 +141,7 @@ def golden(
     json: kerf.Json = None,
 ) -> None:
     """Freeze MACHINE's golden set: no model is fitted on it, every sub-model is judged on it."""
-    from pipeline.app.fleet import freeze_set, learnt_and_frozen
+    from pipeline.app.golden_sets import freeze_set, learnt_and_frozen
 
     def asked(question: str) -> bool:
         return again or (sys.stdin.isatty() and typer.confirm(question, err=True))
@@ -293,7 +293,7 @@ def synthesise(
         typer.echo(line)
 
 
-machine_app = typer.Typer(no_args_is_help=True, help="Machines of one's own.")
+machine_app = typer.Typer(cls=kerf.OneSentence, no_args_is_help=True, help="Machines of one's own.")
 app.add_typer(machine_app, name="machine", rich_help_panel=kerf.RECORDS)
 
 

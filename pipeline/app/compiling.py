@@ -109,6 +109,17 @@ def _type(written: Any) -> Any:
     )
 
 
+def _is_readable(kind: Any) -> bool:
+    """Whether a type is read back as it is written; an enum, which one loop hands another, is not.
+
+    The loop that hands it on compiles the other for it.
+    """
+    try:
+        return bool(_type(_written(kind)) == kind)
+    except AttributeError:
+        return False
+
+
 def write_loops() -> int:
     """Write the list of loops that this machine's cache keeps, callees first; their number."""
     kept = []
@@ -118,7 +129,8 @@ def write_loops() -> int:
         for name, value in vars(import_module(module.name)).items():
             if isinstance(value, Dispatcher) and value.__module__ == module.name:
                 kept += [(at, [module.name, name, [_written(one) for one in arguments]])
-                         for at, arguments in kept_signatures(value)]  # fmt: skip
+                         for at, arguments in kept_signatures(value)
+                         if all(map(_is_readable, arguments))]  # fmt: skip
     lines = [json.dumps(loop) for _, loop in sorted(kept, key=lambda one: one[0])]
     LOOPS.write_text("[\n" + ",\n".join(lines) + "\n]\n")
     return len(kept)

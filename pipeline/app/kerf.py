@@ -24,10 +24,11 @@ NUMBERS = {"int_parsing": "whole number", "float_parsing": "number"}
 """Names of the numbers that an option takes, by the error of one that is none."""
 
 
-class _OneSentence(TyperGroup):
+class OneSentence(TyperGroup):
     """Commands whose wrong options end in one sentence, as all bad input does."""
 
     def main(self, *args: Any, standalone_mode: bool = True, **more: Any) -> Any:
+        """Run a command; its exit status is that of the process."""
         more["standalone_mode"] = False
         if not standalone_mode:
             return super().main(*args, **more)
@@ -43,21 +44,32 @@ class _OneSentence(TyperGroup):
         sys.exit(code if isinstance(code, int) else 0)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
-        """Refuse an option in the place of a value, which the parser would take for the value."""
+        """Refuse an option in the place of a value, and one of a single value that comes twice.
+
+        The parser would take the option for the value, and the last of the values in silence.
+        """
         if args and (now := RENAMED.get(args[0])):
             raise _UsageError(f"`kerf {args[0]}` is called `kerf {now}` now", ctx)
         name, command, words = super().resolve_command(ctx, args)
         params: list[Any] = [] if command is None or ctx.resilient_parsing else [*command.params]
         options = {word: one for one in params for word in one.opts if word.startswith("-")}
+        given: set[str] = set()
         k = 0
         while k < len(words) and words[k] != "--":
-            option = options.get(words[k])
+            word, is_joined, _ = words[k].partition("=")
+            if word not in options and not word.startswith("--"):
+                word, is_joined = words[k][:2], words[k][2:]  # -mNAME
+            option: Any = options.get(word)
             many = 0 if option is None or option.is_flag or option.count else option.nargs
+            if many and not option.multiple and option.name in given:
+                raise _UsageError(f"{word} is given twice and holds one value: give it once")
+            given |= {option.name} if many else set()
+            many = 0 if is_joined else many
             values = words[k + 1 : k + 1 + many]
             if option and (len(values) < many or any(one in options for one in values)):
                 needs = f"{many} values" if many > 1 else "a value"
-                given = " ".join(takewhile(lambda word: word not in options, values))
-                lack = f", {given} alone is given" if given else ""
+                alone = " ".join(takewhile(lambda word: word not in options, values))
+                lack = f", {alone} alone is given" if alone else ""
                 helped = f"{option.help.rstrip('.')}; see `{ctx.command_path} {name} --help`"
                 raise _UsageError(f"{words[k]} needs {needs}{lack}: {helped}")
             k += 1 + many
@@ -86,7 +98,7 @@ PROGRAMS = "Part programs, as in: kerf simulate part.nc --machine mill00"
 """Groups of commands in the help."""
 
 app = typer.Typer(
-    cls=_OneSentence,
+    cls=OneSentence,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     help="The digital twin of a machine tool that rebuilds itself from the machine's own records.",

@@ -89,8 +89,12 @@ def propose(
     for path in (*documents, *logs):
         if not path.is_file():
             raise ValueError(f"{path} is no file: name the Devices document and each log")
-    if not documents and not logs:
-        raise ValueError("nothing is named: give the Devices document, logs or tables")
+    if not documents and not any(path.stat().st_size for path in logs):
+        some = ", ".join(map(str, logs[:3])) + (" …" if len(logs) > 3 else "")
+        raise ValueError(
+            f"{some} is empty: give the Devices document, logs or tables with records"
+            if logs else "nothing is named: give the Devices document, logs or tables"
+        )  # fmt: skip
     try:
         every = read_devices(devices, device) if devices else DeviceModel(items=())
     except UnreadableFile as error:
@@ -252,7 +256,7 @@ def _signal(choice: Choice) -> list[str]:
 
 def fleet_text(p: Proposal, submodels: Sequence[str]) -> str:
     """A fleet of this machine alone, as YAML."""
-    able = [] if p.lacking else ["spindle"]
+    able = [] if p.lacking or not p.days else ["spindle"]
     lines = [f"# The machine {p.name} alone; add other machines to its lists.", f"name: {p.name}",
              f"machines: [{p.name}]", "simulated: []", "submodels:"]  # fmt: skip
     lines += [f"  {one}: [{p.name if one in able else ''}]" for one in submodels]
@@ -275,7 +279,11 @@ def said(p: Proposal, submodels: Sequence[tuple[str, str, str]]) -> list[str]:
         lines.append(f"{len(p.strangers)} items with values are not in the Devices document "
                      f"({some}): is a log of another machine among them?")  # fmt: skip
     for name, title, needs in submodels:
-        if name == "spindle" and not p.lacking:
+        if name == "spindle" and not p.lacking and not p.days:
+            lines.append(f"{title}: no day of records is here; put logs into data/raw/{p.name}, "
+                         f"name days in roles of conf/machine/{p.name}.yaml, and {p.name} under "
+                         f"spindle in conf/fleet/{p.name}.yaml")  # fmt: skip
+        elif name == "spindle" and not p.lacking:
             lines.append(f"{title}: the records allow it")
         elif name == "spindle":
             lines.append(f"{title}: no item is {', '.join(p.lacking)}; record {needs}")

@@ -152,6 +152,13 @@ def check_outputs(program: Path | None, *outputs: Path | None, inputs: Sequence[
         _check_writable(path)
 
 
+def check_folder(out: Path) -> None:
+    """Refuse a folder to write into that is a file, or would be in one."""
+    there = next(path for path in (out, *out.absolute().parents) if path.exists())
+    if not there.is_dir():
+        raise ValueError(f"{there} is a file: name a folder to write into with --out")
+
+
 def _same(path: Path, other: Path) -> bool:
     if path.exists() and other.exists():
         return path.samefile(other)

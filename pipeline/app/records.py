@@ -205,14 +205,18 @@ def machine_records(
     said = np.concatenate([np.zeros(0, np.int64), *(s.time[s.known] for s in every.values())])
     ends = np.array([said.min(), said.max()] if len(said) else [0, 0])
     first, last = (int(t) for t in shortened(ends))
-    traced = {n for p in signals.glob("traces/*.parquet") for n in pq.read_schema(p).names}
+    traced = {
+        one.name: (one.metadata or {}).get(b"unit", b"").decode()
+        for path in sorted(signals.glob("traces/*.parquet")) for one in pq.read_schema(path)
+    }  # fmt: skip
     empty = ItemSeries(
         time=np.array([], np.int64), number=np.array([]), known=np.array([], bool), words=0
     )
     rows = [
         item_record(
             item, every.get(item, empty), (first, last), shortened, signal=signal_of.get(item, ""),
-            unit=units.get(item, ""), described=not units or item in units or item in traced,
+            unit=units.get(item) or traced.get(item, ""),
+            described=not units or item in units or item in traced,
         )
         for item in {**dict.fromkeys(signal_of), **every}
     ]  # fmt: skip

@@ -34,8 +34,9 @@ def _read(name: str, folder: str, what: str, wanted: type[T]) -> T:
     path = Path(name) if is_file else CONF / folder / f"{name}.yaml"
     if not path.is_file():
         known = ", ".join(sorted(p.stem for p in (CONF / folder).glob("*.yaml"))) or "none"
+        absent = f"{path} does not exist" if is_file else f"{name} is no {what} of conf/{folder}/"
         raise ValueError(
-            f"{path} does not exist: name a {what} of conf/{folder}/, which has {known}"
+            f"{absent}: name one of conf/{folder}/, which has {known}, or a .yaml file"
         )
     try:
         text = path.read_text()

@@ -83,11 +83,12 @@ def line(seconds: Floats, values: Floats, span: tuple[float, float], into: Band,
 
 @dataclass(frozen=True, kw_only=True)
 class Beyond:
-    """Values that a band's scale does not reach: their marks, how many, the farthest of them."""
+    """Values that a band's scale does not reach."""
 
     marks: list[Markup]
-    count: int
-    farthest: float
+    """Their marks."""
+    ends: dict[bool, float]
+    """Highest value above the scale under True, lowest below it under False, where there are."""
 
 
 def beyond(across: Floats, values: Floats, into: Band, unit: str) -> Beyond:
@@ -97,16 +98,17 @@ def beyond(across: Floats, values: Floats, into: Band, unit: str) -> Beyond:
     are their places along the width, ascending [%].
     """
     marks: list[Markup] = []
-    out = {True: values > into.high, False: values < into.low}
-    for up, where in out.items():
+    ends: dict[bool, float] = {}
+    for up, where in ((True, values > into.high), (False, values < into.low)):
+        farthest = np.argmax if up else np.argmin
+        if where.any():
+            ends[up] = float(values[where][farthest(values[where])])
         places = np.flatnonzero(where & np.isfinite(across))
         for near in np.split(places, np.flatnonzero(np.diff(across[places]) > MARK_APART) + 1):
             if len(near):
-                worst = near[np.argmax(np.abs(values[near]))]
+                worst = near[farthest(values[near])]
                 marks.append(_triangle(float(across[worst]), float(values[worst]), into, unit, up))
-    every = values[out[True] | out[False]]
-    farthest = float(every[np.argmax(np.abs(every))]) if len(every) else 0.0
-    return Beyond(marks=marks, count=len(every), farthest=farthest)
+    return Beyond(marks=marks, ends=ends)
 
 
 def _triangle(x: float, value: float, into: Band, unit: str, up: bool) -> Markup:
@@ -122,11 +124,11 @@ def _triangle(x: float, value: float, into: Band, unit: str, up: bool) -> Markup
 
 def beyond_words(outside: Sequence[Beyond], unit: str) -> str:
     """Words of a head on the marks of :func:`beyond`; empty where nothing lies beyond."""
-    farthest = max((one.farthest for one in outside if one.count), key=abs, default=None)
-    if farthest is None:
-        return ""
-    shown = tick_words(float(f"{farthest:.4g}"))
-    return f"; ▲ beyond, up to {shown} {unit}".rstrip()
+    words = ""
+    for up, mark, farthest in ((True, "▲ above, up to", max), (False, "▼ below, down to", min)):
+        if ends := [one.ends[up] for one in outside if up in one.ends]:
+            words += f"; {mark} {tick_words(float(f'{farthest(ends):.4g}'))} {unit}".rstrip()
+    return words
 
 
 def tick_words(mark: float) -> str:

@@ -278,18 +278,6 @@ def submodel_page(files: Files, subject: Subject, content: PageContent) -> SubMo
     )  # fmt: skip
 
 
-def undecided(verdict: Verdict, title: str, needs: str) -> PartVerdict:
-    """Action on a figure too near to its limit, the same of every sub-model."""
-    reasons = [one.rstrip(".").removesuffix(", not decided") for one in verdict.reasons]
-    why, *others = reasons or ["the judge gave no reason"]
-    more = f"; and {counted(len(others), 'more figure')}" if others else ""
-    return PartVerdict(
-        status="attention",
-        sentence=f"The model of the {title} is not decided: {why}{more}.",
-        todo=f"Record more: {needs.rstrip('.')}.",
-    )
-
-
 @dataclass(frozen=True, kw_only=True)
 class _Frame:
     """Input of a page."""
@@ -337,7 +325,7 @@ class _Frame:
         if v is None or v.status == "not judged":
             return self._not_judged(v)
         if v.status == "not decided":
-            return undecided(v, self.subject.title, self.subject.needs)
+            return self._undecided(v)
         status: Literal["passed", "failed"] = "failed" if v.status == "failed" else "passed"
         why = self._errors()
         if status == "failed":
@@ -366,6 +354,19 @@ class _Frame:
         own = {reason for one in self.counts for s in one.scores(v) for reason in s.reasons}
         others = sum(reason not in own for reason in v.missed)
         return said + (f"; and {counted(others, 'more reason')}" if others else "")
+
+    def _undecided(self, v: Verdict) -> PartVerdict:
+        """Figures too near to their limits, and how many records there are too few of."""
+        reasons = [one.rstrip(".").removesuffix(", not decided") for one in v.reasons]
+        why, *others = reasons or ["the judge gave no reason"]
+        more = f"; and {counted(len(others), 'more figure')}" if others else ""
+        verb = "leaves" if len(v.cases) == 1 else "leave"
+        there = f"{counted(len(v.cases), self.content.case)} {verb} it open"
+        return PartVerdict(
+            status="attention",
+            sentence=f"The model of the {self.subject.title} is not decided: {why}{more}.",
+            todo=f"Record more of the same kind: {there}.",
+        )
 
     def _not_judged(self, v: Verdict | None) -> PartVerdict:
         why = "there is no verdict.json" if v is None else "; ".join(v.reasons)

@@ -64,6 +64,8 @@ class FileRead:
                                      "lie before the row above")}  # fmt: skip
         counts = {k: int(self.notes[k]["count"]) for k in verbs if k in self.notes}
         said = [f"{counted(n, 'row')} {verbs[k][n != 1]}" for k, n in counts.items()]
+        early = self.notes.get("ends_early")
+        said += [str(early)] if early else []
         return said + [
             f"{one['channel']} {one['said']}" + (": not read there" if one["certain"] else "")
             for one in self.notes.get("faults", ())
@@ -345,7 +347,7 @@ FILES: tuple[Column[tuple[str, FileRead]], ...] = (
 )  # fmt: skip
 FAULTS: tuple[Column[tuple[str, str]], ...] = (
     Column("File", lambda one: code(one[0])),
-    Column("what its rows show", lambda one: one[1]),
+    Column("what it shows", lambda one: one[1]),
 )
 REASONS: tuple[Column[Reason], ...] = (
     Column("Reason", lambda r: r.reason or "(no reason given)"),

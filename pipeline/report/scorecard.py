@@ -193,7 +193,8 @@ def _bias(worst: WorstError, say: Texts) -> str:
     bias, rmse = worst.score.bias, worst.score.rmse
     if bias is None or not rmse or abs(bias) < ONE_SIDED * rmse or worst.name == "bias":
         return ""
-    size = replace(worst, name="bias", value=abs(bias)).shown
+    as_share = worst.name == "mean_percent" and worst.score.unit in ("", "1")
+    size = worst.shown if as_share else replace(worst, name="bias", value=abs(bias)).shown
     return say("score.bias", value=f"{'+' if bias > 0 else MINUS}{size}")
 
 

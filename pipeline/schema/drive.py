@@ -57,9 +57,9 @@ class DirectionFriction(Ranged, section="friction"):
     """Level F_c that speed does not change [N]."""
     static: NotNegative
     """Level F_s at the start of motion [N], at least ``coulomb``."""
-    stribeck_velocity: Annotated[float, Range(above=0.0, unit="m/s")] = 0.005
+    stribeck_velocity: Annotated[float, Range(above=0.0, unit="m/s")]
     """Speed v_s over which the level falls from the static to the Coulomb one [m/s]."""
-    viscous: NotNegative = 0.0
+    viscous: NotNegative
     """mu_v [N s/m]."""
 
     def __post_init__(self) -> None:

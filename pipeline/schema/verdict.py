@@ -227,11 +227,15 @@ class Verdict:
 
 
 def _times_missed(score: Score, reason: str) -> float:
-    """Greatest error over its limit among those that ``reason`` names by their value."""
-    errors = {name: getattr(score, name) for name in score.limits}
+    """Greatest error over its limit or baseline among those that ``reason`` names by value."""
+    bounds = [*score.limits.items(), *(
+        (name, value) for other in score.baselines.values() for name in ("mae", "rmse")
+        if (value := getattr(other, name)) is not None and f", {value:.4g} " in reason
+    )]  # fmt: skip
+    errors = [(getattr(score, name), bound) for name, bound in bounds]
     return max(
-        (abs(error) / score.limits[name] for name, error in errors.items()
-         if error is not None and score.limits[name] > 0 and f" {error:.4g} " in reason),
+        (abs(error) / bound for error, bound in errors
+         if error is not None and bound > 0 and f" {error:.4g} " in reason),
         default=0.0,
     )  # fmt: skip
 

@@ -172,6 +172,8 @@ def encoded(codes: NDArray[np.integer], words: Sequence[str] | pa.Array) -> pa.D
 
 GZIP_MAGIC = b"\x1f\x8b"
 """The first bytes of a gzip stream."""
+GZIP_ENDS = "the gzip stream is"
+"""Beginning of the reason why a packed file ends early."""
 
 
 def gunzip(raw: Iterator[bytes], chunk: int, damaged: Callable[[str], None]) -> Iterator[bytes]:
@@ -183,7 +185,7 @@ def gunzip(raw: Iterator[bytes], chunk: int, damaged: Callable[[str], None]) -> 
             try:
                 data = unpack.decompress(packed, chunk)
             except zlib.error as error:
-                damaged(f"the gzip stream is damaged from here on ({error})")
+                damaged(f"{GZIP_ENDS} damaged from here on ({error}): copy the file again")
                 return
             if data:
                 yield data
@@ -194,7 +196,7 @@ def gunzip(raw: Iterator[bytes], chunk: int, damaged: Callable[[str], None]) -> 
     if inside:
         yield unpack.flush()
         if not unpack.eof:
-            damaged("the gzip stream is cut off here")
+            damaged(f"{GZIP_ENDS} cut off here: copy the file again")
 
 
 _MAGIC_BYTES: tuple[tuple[bytes, Format], ...] = (

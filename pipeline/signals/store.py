@@ -16,10 +16,20 @@ import pyarrow.parquet as pq
 from pipeline.schema.files import PART, replacing
 from pipeline.schema.store import write_table, write_text
 from pipeline.signals.columns import OBSERVATIONS, REJECTED, RUNS, TIME
-from pipeline.signals.formats import Batch, RecordSource, Rejection, Trace, UnreadableFile
+from pipeline.signals.formats import (
+    GZIP_ENDS,
+    Batch,
+    RecordSource,
+    Rejection,
+    Trace,
+    UnreadableFile,
+)
 
 GROUP = 1 << 19
 """Rows that are gathered before a row group is written."""
+
+ENDS_EARLY = "ends_early"
+"""Note on a packed file that is cut or damaged."""
 
 MOST_NAMED = 5
 """Data items that a sentence names."""
@@ -53,7 +63,11 @@ class Outcome:
 
     def entry(self, made_from: dict[str, str]) -> Entry:
         """Entry in the manifest of a file that was made from what has these hashes."""
-        counts = {"read": self.kept + len(self.rejected), "rejected": len(self.rejected)}
+        counts: Entry = {"read": self.kept + len(self.rejected), "rejected": len(self.rejected)}
+        ends = [one for one in self.rejected if one.reason.startswith(GZIP_ENDS)]
+        if ends and not self.reason:
+            said = f"{ends[0].reason}, for all from line {ends[0].line} on is lost"
+            counts["notes"] = self.notes | {ENDS_EARLY: said}
         return {**vars(self), **counts, "sha256": made_from["sha256"], "made_from": made_from}
 
 
@@ -198,6 +212,12 @@ def write_data_items(
     else:
         target.unlink(missing_ok=True)
     return found
+
+
+def early_ends(out: Path) -> dict[str, str]:
+    """Sentence on each raw file that ends early, by its name."""
+    notes = {name: entry.get("notes", {}) for name, entry in read_manifest(out).items()}
+    return {name: one[ENDS_EARLY] for name, one in notes.items() if ENDS_EARLY in one}
 
 
 def strangers_said(out: Path) -> str | None:

@@ -105,6 +105,8 @@ LONGEST_BRIDGE = 3
 """Greatest number of consecutive missing rows [1] that straight lines bridge."""
 ROUNDING_JITTER = 0.1
 """Standard deviation of time stamps about the grid [periods] up to which it counts as rounding."""
+EVEN = 0.02
+"""Deviation of the distance of two rows from the period of a table, over it, at most [1]."""
 COARSE_CLOCK = 0.1
 """Share of repeated time stamps [1] above which the clock ticks slower than rows are recorded."""
 SHORTEST_SEGMENT = 32
@@ -199,3 +201,31 @@ def _segment(t: Floats, rows: Ints, period: float) -> UniformSegment:
             places=even[forward],
         )  # fmt: skip
     return UniformSegment(start=float(start), period=float(slope), rows=rows[kept], places=places)
+
+
+def row_period(table: "pd.DataFrame", *needed: str, learnt: float | None = None) -> float:
+    """Period of the rows of a table [s], from its column ``t`` [s].
+
+    ValueError where the rows are not evenly spaced, or not by the period that was ``learnt``, and
+    where a value of the columns ``needed`` is missing.
+    """
+    if "t" not in table.columns or len(table) < 2:
+        raise ValueError("the input has no column t of two rows or more: give it in seconds")
+    for name in ("t", *needed):
+        finite = np.isfinite(table[name].to_numpy(float))
+        if not finite.all():
+            row = int(finite.argmin())
+            raise ValueError(
+                f"{name} is {table[name].iloc[row]} in row {row + 1}: give a value in each row"
+            )
+    steps = np.diff(table["t"].to_numpy(float))
+    period = learnt or float(np.median(steps))
+    even = np.abs(steps - period) <= EVEN * period
+    if not (period > 0 and even.all()):
+        row = int(even.argmin())
+        wanted = f"{period:g} s were learnt" if learnt else f"{period:g} s lie between most rows"
+        raise ValueError(
+            f"rows {row + 1} and {row + 2} of the input are {steps[row]:g} s apart, {wanted}: give "
+            "evenly spaced rows of that period"
+        )
+    return learnt or float(steps.mean())

@@ -7,7 +7,7 @@ from pipeline.schema.identity import MachineIdentity
 from pipeline.signals.contracts import check_files
 from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import ingest as read_records
-from pipeline.signals.store import strangers_said
+from pipeline.signals.store import early_ends, strangers_said
 
 TABLES = {
     "observations": "observations/*.parquet",
@@ -22,7 +22,7 @@ def ingest(
 ) -> None:
     """Read ``raw`` into ``signals``."""
     read_records(raw, signals, records, identity)
-    strangers = strangers_said(signals)
-    if strangers:
-        sys.stderr.write(f"ingest@{identity.name}: {strangers}\n")
+    said = [f"{name}: {why}" for name, why in early_ends(signals).items()]
+    for one in filter(None, (*said, strangers_said(signals))):
+        sys.stderr.write(f"ingest@{identity.name}: {one}\n")
     check_files(signals, TABLES)

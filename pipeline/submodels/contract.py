@@ -7,6 +7,7 @@ stages ``identify_<name>`` and ``judge_<name>``, the registry and the report kno
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_type_hints
@@ -52,6 +53,8 @@ class Target:
     target without limits and coverage is shown and decides nothing."""
     baselines: tuple[str, ...] = ()
     """Predictions that are made beside the model's, simpler or in hindsight."""
+    titles: Mapping[str, str] = field(default_factory=dict)
+    """Baselines in words, where their names are none."""
     must_beat: tuple[str, ...] = ()
     """Baselines that the model has to beat, on MAE and on RMSE both, over all groups."""
     each_group: bool = False
@@ -162,10 +165,16 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
         """A small table that :meth:`serve`'s predictor takes."""
 
     def answer(self, folder: Path) -> "Callable[[pd.DataFrame], pd.DataFrame]":
-        """:meth:`serve`'s predictor, with NaN for the ends of intervals that are not known."""
+        """:meth:`serve`'s predictor, with NaN for the ends of intervals that are not known.
+
+        It raises ValueError where a column of numbers or times holds something else.
+        """
         predict, blank = self.serve(folder), set(self.unknown_columns(folder))
+        columns = self.example(folder).select_dtypes(["number", "datetimetz"])
 
         def answered(table: "pd.DataFrame") -> "pd.DataFrame":
+            for name in columns.columns.intersection(table.columns):
+                _check_column(table[name], "time" if columns[name].dtype.kind == "M" else "number")
             found = predict(table)
             return found.assign(**{name: float("nan") for name in found if name in blank})
 
@@ -222,6 +231,19 @@ def unknown_intervals(folder: Path) -> Mapping[tuple[str, str], str]:
     """Why intervals of the sub-model in ``folder`` are not known, by quantity and regime."""
     path = folder / "verdict.json"
     return read_json(path, Verdict).unknown_intervals if path.exists() else {}
+
+
+def _check_column(column: "pd.Series[Any]", kind: str) -> None:
+    """Refuse a column with something else than a number, or a time; missing values may be."""
+    import pandas as pd
+
+    read: Any = pd.to_numeric if kind == "number" else partial(pd.to_datetime, utc=True)
+    wrong = (read(column, errors="coerce").isna() & column.notna()).to_numpy()
+    if wrong.any():
+        row = int(wrong.argmax())
+        raise ValueError(
+            f"{column.name} is {column.iloc[row]!r} in row {row + 1}, which is no {kind}: give one"
+        )
 
 
 def submodels() -> list[str]:

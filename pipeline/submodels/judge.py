@@ -90,8 +90,7 @@ def judge(
         *leak_reasons(model, cases.of("golden", "held_out", "sealed")),
         *(reason for target in targets for reason in seen_reasons(frame, target, deciding)),
     ]
-    beaten, open_ = _beaten(scores, targets, deciding)
-    status, reasons = _status(model, cases, decisive, [*broken, *beaten], open_, sets)
+    status, reasons = _status(model, cases, decisive, broken, sets)
     if status == "failed":
         reasons += [f"{case.name}: {one.cause}" for case, one in predicted if one.cause]
     verdict = Verdict(
@@ -218,7 +217,7 @@ def _held_against(score: Score, target: Target) -> Score:
             reasons.append(f"{said} above {limit:g} {unit}")
     if target.each_group:
         for name in target.must_beat:
-            worse, unsure = _shortfall(score, name)
+            worse, unsure = _shortfall(score, name, target)
             reasons += [f"{score.group}: {reason}" for reason in worse]
             open_ += [f"{score.group}: {reason}" for reason in unsure]
     status: Status = "failed" if reasons else "not decided" if open_ else "passed"
@@ -230,7 +229,7 @@ def _near(limit: str, spread: float, unit: str) -> str:
     return f"too near to {limit}: trainings differ by \u00b1 {sized(spread, unit, 2)}, not decided"
 
 
-def _shortfall(score: Score, name: str) -> tuple[list[str], list[str]]:
+def _shortfall(score: Score, name: str, target: Target) -> tuple[list[str], list[str]]:
     """Errors not below a baseline's: significantly, and within the uncertainty."""
     other = score.baselines.get(name, Figures())
     spared = score.rounding.get(name, Figures())
@@ -240,7 +239,8 @@ def _shortfall(score: Score, name: str) -> tuple[list[str], list[str]]:
         spread, width = score.spread.get(kind, 0.0), getattr(spared, kind) or 0.0
         if own is None or theirs is None or (own < theirs and theirs - own >= spread):
             continue
-        that = f"that of {name}, {theirs:.4g} {score.unit}"
+        title = target.titles.get(name, name.replace("_", " "))
+        that = f"that of {title}, {theirs:.4g} {score.unit}"
         mine = f"{WORDS[kind]} {own:.4g} {score.unit} is"
         said = f"{mine} not below {that}"
         if abs(own - theirs) < spread:
@@ -264,13 +264,23 @@ def _over_all(rows: pd.DataFrame, score: Score, target: Target) -> Score:
         "most_percent": _share_of_quantity, "coverage": _covered, "least_auc": _ordered,
     }  # fmt: skip
     found = [check(rows, score, target) for name, check in checks.items() if getattr(target, name)]
-    if not found:
-        return score
+    own, found = bool(found), [_against_baselines(score, target), *found]
     reasons, open_ = ([said for one in found for said in one[k]] for k in (0, 1))
+    if not (own or reasons or open_):  # a baseline alone passes no target
+        return score
     status: Status = "failed" if reasons else "not decided" if open_ else "passed"
     return replace(
         score, coverage_limits=target.coverage, status=status, reasons=tuple(reasons or open_)
     )
+
+
+def _against_baselines(score: Score, target: Target) -> CheckReasons:
+    """Baselines that are no worse over all groups."""
+    found = [_shortfall(score, name, target) for name in target.must_beat]
+    worse, unsure = (
+        [f"{target.quantity} over all: {said}" for one in found for said in one[k]] for k in (0, 1)
+    )
+    return worse, unsure
 
 
 def _covered(rows: pd.DataFrame, score: Score, target: Target) -> CheckReasons:
@@ -304,23 +314,6 @@ def _share_of_quantity(rows: pd.DataFrame, score: Score, target: Target) -> Chec
     if abs(part - most) < spread:
         return [], [f"{said}, {_near(f'the limit of {most:g} %', spread, '%')}"]
     return ([f"{said}, above {most:g} %"] if part > most else []), []
-
-
-def _beaten(
-    scores: Sequence[Score], targets: Sequence[Target], deciding: Role
-) -> tuple[list[str], list[str]]:
-    """Baselines that are no worse over all groups: significantly, and within the uncertainty."""
-    reasons: list[str] = []
-    open_: list[str] = []
-    for target in targets:
-        for score in scores:
-            mine = (score.quantity, score.regime) == (target.quantity, target.regime)
-            if not (mine and score.group == scoring.ALL and score.role == deciding):
-                continue
-            for name in target.must_beat:
-                for found, said in zip((reasons, open_), _shortfall(score, name), strict=True):
-                    found += [f"{target.quantity} over all: {reason}" for reason in said]
-    return reasons, open_
 
 
 def _without(frame: pd.DataFrame, groups: set[str]) -> pd.DataFrame:
@@ -360,7 +353,6 @@ def _status(
     cases: Cases,
     decisive: Sequence[Score],
     broken: Sequence[str],
-    open_: Sequence[str],
     sets: GoldenSets | None,
 ) -> tuple[Status, list[str]]:
     """The verdict's status and reasons; what is not decided speaks only where nothing failed."""
@@ -368,8 +360,8 @@ def _status(
     if broken or over:
         return "failed", [*broken, *over]
     unsure = [r for score in decisive if score.status == "not decided" for r in score.reasons]
-    if decisive and (open_ or unsure):
-        return "not decided", [*open_, *unsure]
+    if unsure:
+        return "not decided", unsure
     if decisive:
         return "passed", []
     return "not judged", [why_not_judged(model, cases, sets)]

@@ -13,7 +13,7 @@ INTO = Band(top=10.0, height=80.0, low=-2.0, high=2.0)
 def test_values_beyond_the_scale_have_a_triangle_at_their_place_and_edge():
     values = np.array([0.0, 3.5, -1.0, np.nan, -4.25])
     one = beyond(np.array([0.0, 25.0, 50.0, 75.0, 100.0]), values, INTO, "K")
-    assert one.count == 2 and one.farthest == -4.25
+    assert one.ends == {True: 3.5, False: -4.25}
     above, below = map(str, one.marks)
     assert 'x="25.00%" y="10"' in above and "l-5 -7" in above  # at the top, pointing up
     assert 'x="100.00%" y="90"' in below and "l-5 7" in below
@@ -24,15 +24,23 @@ def test_neighbours_beyond_the_scale_share_the_triangle_of_the_farthest():
     across = np.linspace(0.0, 10.0, 101)
     values = np.where((across >= 4) & (across <= 6), 2.0 + across, 0.0)
     one = beyond(across, values, INTO, "K")
-    assert one.count == 21 and len(one.marks) == 1
+    assert one.ends == {True: 8.0} and len(one.marks) == 1
     assert re.search(r"beyond the scale: 8 K", str(one.marks[0]))
 
 
-def test_the_head_says_the_farthest_value_of_all_curves_and_nothing_inside_the_scale():
+def test_the_head_says_the_ends_of_all_curves_and_nothing_inside_the_scale():
     inside = beyond(np.array([1.0]), np.array([2.0]), INTO, "K")
     assert beyond_words([inside], "K") == "" and not inside.marks
     curves = [beyond(np.array([1.0]), np.array([v]), INTO, "K") for v in (2.5, -3.0)]
-    assert beyond_words([inside, *curves], "K") == ("; ▲ beyond, up to −3 K")
+    assert beyond_words([inside, *curves], "K") == "; ▲ above, up to 2.5 K; ▼ below, down to −3 K"
+    assert beyond_words(curves[:1], "") == "; ▲ above, up to 2.5"
+
+
+def test_the_farthest_value_below_a_scale_that_begins_above_0_is_the_lowest():
+    low = Band(top=10.0, height=80.0, low=100.0, high=200.0)
+    one = beyond(np.array([50.0, 50.5]), np.array([80.0, 20.0]), low, "N")
+    assert beyond_words([one], "N") == "; ▼ below, down to 20 N"
+    assert [bool(re.search("beyond the scale: 20 N", str(mark))) for mark in one.marks] == [True]
 
 
 def points(path: str) -> np.ndarray:

@@ -165,14 +165,14 @@ def test_a_failure_names_what_is_beyond_its_limit_else_the_gravest_reasons():
 
 
 @pytest.mark.parametrize(
-    ("status", "shown", "said"),
-    [("not judged", "unknown", "has not been judged: one day only."),
-     ("not decided", "attention", "is not decided: one day only.")],
+    ("status", "shown", "said", "todo"),
+    [("not judged", "unknown", "has not been judged: one day only.", SUBJECT.needs),
+     ("not decided", "attention", "is not decided: one day only.", "2 records leave it open")],
 )  # fmt: skip
-def test_what_is_not_judged_or_decided_says_why(status, shown, said):
+def test_what_is_not_judged_or_decided_says_why(status, shown, said, todo):
     found = page(verdict=replace(VERDICT, status=status, reasons=("one day only.",))).verdict
     assert found.status == shown and said in found.sentence
-    assert SUBJECT.needs in found.todo
+    assert todo in found.todo
 
 
 def test_an_interval_that_is_no_use_is_not_known():

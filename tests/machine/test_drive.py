@@ -228,7 +228,7 @@ BOTH = FrictionParameters(positive=UP, negative=DOWN)
 
 
 def same(**values: float) -> FrictionParameters:
-    return both(DirectionFriction(**values))
+    return both(DirectionFriction(**{"stribeck_velocity": 0.005, "viscous": 0.0} | values))
 
 
 def screw(friction: FrictionParameters = BOTH, **values: float) -> FeedDriveParameters:
@@ -394,4 +394,4 @@ def test_integral_stays_while_the_limit_holds_and_unwinds_at_once() -> None:
 
 def test_static_friction_below_coulomb_is_refused() -> None:
     with pytest.raises(ValueError, match=r"friction.static = 1.0 N must not be below coulomb"):
-        DirectionFriction(coulomb=2.0, static=1.0)
+        DirectionFriction(coulomb=2.0, static=1.0, stribeck_velocity=0.005, viscous=0.0)

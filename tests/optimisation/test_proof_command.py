@@ -93,6 +93,14 @@ def test_a_folder_is_no_program(folder: Path) -> None:
     assert "after.nc is no file" in check(folder, None).stderr
 
 
+def test_a_line_that_differs_is_shown_as_a_terminal_may_show_it(folder: Path) -> None:
+    (folder / "before.nc").write_bytes(b"(\x1b[31m" + b"x" * 999 + b")\n")
+    done = check(folder, b"(\x00\xe4)\n")
+    *_, first, second = done.stdout.splitlines()
+    assert (done.exit_code, second) == (1, "  after.nc: (\\x00\xe4)")
+    assert first.startswith("  before.nc: (\\x1b[31mxx") and len(first) < 200
+
+
 def test_junk_is_one_sentence(folder: Path) -> None:
     (folder / "before.nc").write_bytes(bytes(range(256)))
     done = check(folder, bytes(range(256)))
@@ -282,7 +290,7 @@ def test_a_material_without_a_table_or_a_file_is_refused(folder: Path) -> None:
     )
     (folder / "tools.yaml").write_text(TOOLS)
     done = check(folder, AFTER, "--tool-table", str(folder / "tools.yaml"), "--material", "cheese")
-    assert done.exit_code == 2 and "conf/material/cheese.yaml does not exist" in done.stderr
+    assert done.exit_code == 2 and "cheese is no material of conf/material/" in done.stderr
 
 
 FAST = "T1 M6\nS3000 M3\nG1 X15 F120\nX20 F100\nG95 X30 F0.05\nM30\n"

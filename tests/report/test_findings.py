@@ -267,8 +267,8 @@ def test_an_alarm_of_most_working_days_is_an_action(tmp_path):
 
 
 def a_score(**parts):
-    given = {"mae": 4.0, "rmse": 5.0, "max": 9.0, "bias": 0.1, "limits": {"mae": 8.0}, **parts}
-    return Score(quantity="growth", unit="um", group="a", regime="", role="held_out", n=9, **given)
+    given = {"mae": 4.0, "rmse": 5.0, "max": 9.0, "bias": 0.1, "limits": {"mae": 8.0}, "unit": "um"}
+    return Score(quantity="growth", group="a", regime="", role="held_out", n=9, **given | parts)
 
 
 def verdict_with(score):
@@ -316,6 +316,8 @@ def test_a_bias_that_is_most_of_the_error_and_a_small_number_of_records_are_said
 
     assert line(bias=-3.7).figure.worse == "bias −3.70\xa0µm"
     assert line(bias=0.3).figure.worse == ""
+    share = {"unit": "1", "mean_percent": 37.0, "limits": {"mean_percent": 20.0}}
+    assert line(bias=3.7, **share).figure.worse == "bias +37.0\xa0%"
     assert line().judged_on == "on records held out, 1 of them"
 
 

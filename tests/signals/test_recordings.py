@@ -392,6 +392,7 @@ def test_a_frozen_probe_an_early_end_and_repeated_stamps_are_named(tmp_path):
     assert notes["repeated_stamps"] == {"count": 2, "lines": [102, 202]}
     read = FileRead(notes=notes)
     assert read.faults == ["2 rows repeat the time stamp before them", *found.notes]
+    assert FileRead(notes={"ends_early": "it is cut"}).faults == ["it is cut"]
 
 
 def test_quick_noise_strokes_and_standing_axes_are_no_faults(tmp_path):

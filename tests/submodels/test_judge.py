@@ -205,6 +205,7 @@ def test_a_served_interval_that_is_not_known_is_empty_and_the_prediction_stands(
     served = pd.DataFrame({"X_force": [1.0], "X_force_low": [-8.0], "X_force_high": [10.0]})
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(type(one), "serve", lambda self, folder: lambda table: served)
+        patched.setattr(type(one), "example", lambda self, folder: pd.DataFrame())
         found = one.answer(tmp_path)(pd.DataFrame())
     assert found["X_force"].tolist() == [1.0]
     assert found[["X_force_low", "X_force_high"]].isna().all(axis=None)
@@ -252,13 +253,18 @@ def test_a_word_that_was_not_learnt_is_outside() -> None:
 
 def test_a_model_that_is_worse_than_its_baseline_fails() -> None:
     worse = changed(predicted=lambda rows: rows["measured"] - 1.5)
-    wide = replace(TARGET, limits={"mae": 9.0})
+    wide = replace(TARGET, limits={"mae": 9.0}, titles={"mean": "mean wear"})
     found = judged("spindle", [TRAIN, A, B], target=wide, predict=worse).verdict
     assert found.status == "failed"
-    assert found.reasons == (
-        "force over all: mean error 1.5 N is not below that of mean, 1 N",
-        "force over all: RMSE 1.5 N is not below that of mean, 1 N",
-    )
+    assert found.reasons == found.missed == (
+        "force over all: mean error 1.5 N is not below that of mean wear, 1 N",
+        "force over all: RMSE 1.5 N is not below that of mean wear, 1 N",
+    )  # fmt: skip
+    rows = {one.group: one for one in found.of("force", role="held_out")}
+    assert {name: one.status for name, one in rows.items()} == {
+        "a": "passed", "b": "passed", "all": "failed",
+    }  # fmt: skip
+    assert rows["all"].reasons == found.reasons
 
 
 def test_better_on_one_of_two_errors_is_not_better() -> None:

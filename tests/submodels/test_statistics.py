@@ -178,10 +178,10 @@ def test_a_difference_within_the_steps_is_not_decided(by: str, column: bool) -> 
     )
     assert not column or STEP in frame
     (score,) = (s for s in _scores(frame, target, "held_out") if s.group == ALL)
-    worse, unsure = _shortfall(score, "persistence")
+    worse, unsure = _shortfall(score, "persistence", target)
     assert not worse and "the sensor's steps leave" in unsure[0]
     (score,) = (s for s in _scores(frame.assign(step=0.0), target, "held_out") if s.group == ALL)
-    assert _shortfall(score, "persistence")[0]
+    assert _shortfall(score, "persistence", target)[0]
     far = frame.assign(baseline_persistence=measured)
     (score,) = (s for s in _scores(far, target, "held_out") if s.group == ALL)
-    assert _shortfall(score, "persistence")[0]
+    assert _shortfall(score, "persistence", target)[0]

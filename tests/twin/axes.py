@@ -21,10 +21,8 @@ T = 1e-3
 UP = DirectionFriction(coulomb=60.0, static=90.0, stribeck_velocity=0.01, viscous=200.0)
 DOWN = DirectionFriction(coulomb=50.0, static=85.0, stribeck_velocity=0.006, viscous=300.0)
 BOTH = FrictionParameters(positive=UP, negative=DOWN)
-NONE = FrictionParameters(
-    positive=DirectionFriction(coulomb=0.0, static=0.0),
-    negative=DirectionFriction(coulomb=0.0, static=0.0),
-)
+FREE = DirectionFriction(coulomb=0.0, static=0.0, stribeck_velocity=0.005, viscous=0.0)
+NONE = FrictionParameters(positive=FREE, negative=FREE)
 AXIS = DriveParameters(
     servo=ServoParameters(position_gain=40.0, velocity_gain=100.0, integral_gain=2000.0),
     feed_drive=FeedDriveParameters(mass=150.0, force_constant=300.0, friction=BOTH),

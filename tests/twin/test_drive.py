@@ -1,6 +1,7 @@
 """One axis: closed forms of the cascade, exact motion, energy, starts, refusals, its file."""
 
 import json
+import re
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -105,7 +106,7 @@ def test_linear_axis_moves_exactly_without_viscous_friction() -> None:
 
 
 def test_viscous_axis_is_of_second_order_in_substeps() -> None:
-    one = DirectionFriction(coulomb=0.0, static=0.0, viscous=3000.0)
+    one = DirectionFriction(coulomb=0.0, static=0.0, stribeck_velocity=0.005, viscous=3000.0)
     axis = with_drive(AXIS, friction=FrictionParameters(positive=one, negative=one))
     reference = to_and_fro(500)
     truth = exact(reference, axis, 3000.0)
@@ -154,7 +155,7 @@ def test_integral_hunts_about_the_target_when_static_friction_is_higher() -> Non
     reference = np.r_[np.zeros(100), np.full(9900, 1.003e-3)]
 
     def starts(static: float, n: int) -> NDArray[np.intp]:
-        one = DirectionFriction(coulomb=60.0, static=static, stribeck_velocity=5e-4)
+        one = DirectionFriction(coulomb=60.0, static=static, stribeck_velocity=5e-4, viscous=0.0)
         axis = with_drive(AXIS, friction=FrictionParameters(positive=one, negative=one))
         axis = with_servo(axis, position_gain=10.0, velocity_gain=20.0)
         v = simulate(reference, T, row_of(axis)[np.newaxis], substeps=n).velocity[0]
@@ -292,8 +293,8 @@ SERVO = ServoParameters(
 SCREW = FeedDriveParameters(
     mass=95.0, force_constant=35.0, offset=-3.0,
     friction=FrictionParameters(
-        positive=DirectionFriction(coulomb=20.0, static=25.0, viscous=200.0),
-        negative=DirectionFriction(coulomb=22.0, static=22.0, stribeck_velocity=0.01),
+        positive=DirectionFriction(coulomb=20.0, static=25, stribeck_velocity=0.01, viscous=200.0),
+        negative=DirectionFriction(coulomb=22.0, static=22.0, stribeck_velocity=0.01, viscous=0.0),
     ),
 )  # fmt: skip
 
@@ -346,8 +347,10 @@ def test_without_servo_its_reason_is_kept(tmp_path):
     ["", "[]", "{}", '{"axes": 3}', '{"axes": {"X": {}}}', '{"axes": {"X": null}}',
      document(feed_drive={"mass": 1}), document(feed_drive=asdict(SCREW) | {"weight": 1}),
      document(feed_drive=asdict(SCREW) | {"mass": -1}),
-     document(fit=FIT | {"delay_s": "soon"}), "\x00", "{\"axes\": "],
-    ids=range(12),
+     document(fit=FIT | {"delay_s": "soon"}), "\x00", "{\"axes\": ",
+     document(feed_drive=asdict(SCREW)).replace('"viscous"', '"viscosity"', 1),
+     re.sub(r'"stribeck_velocity": [^,}]+, ', "", document(feed_drive=asdict(SCREW)), count=1)],
+    ids=range(14),
 )  # fmt: skip
 def test_another_form_is_one_sentence(tmp_path, text):
     with pytest.raises(StoreError, match=r"model\.json holds no identified drives: .+ `dvc repro`"):

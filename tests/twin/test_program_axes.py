@@ -33,7 +33,7 @@ AXIS = AxisParameters(
 
 
 def drive(**servo: float) -> IdentifiedDrive:
-    one = DirectionFriction(coulomb=100.0, static=120.0, viscous=500.0)
+    one = DirectionFriction(coulomb=100.0, static=120.0, stribeck_velocity=0.005, viscous=500.0)
     return IdentifiedDrive(
         feed_drive=FeedDriveParameters(
             mass=800.0, force_constant=400.0,

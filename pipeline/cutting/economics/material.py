@@ -105,7 +105,7 @@ def cutting_speed(diameter: ArrayLike, n: ArrayLike) -> Floats:
 
     Examples
     --------
-    >>> round(float(cutting_speed(6e-3, 8000 / 60)) * 60, 2)  # 6 mm at 8000 rpm, in m/min
+    >>> round(float(cutting_speed(6e-3, 8000 / 60)) * 60, 2)  # 6 mm at 8000 rev/min, in m/min
     150.8
     """
     return np.pi * np.asarray(diameter, dtype=np.float64) * np.asarray(n)

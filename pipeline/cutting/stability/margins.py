@@ -190,7 +190,7 @@ class StabilityTable:
             p, b = np.argwhere(outside)[0]
             raise ValueError(
                 f"speed_rpm[{p}, {b}] = {60 * speed[p, b]:g} is outside of the table of stability, "
-                f"{60 * low:g} to {60 * high:g} rpm"
+                f"{60 * low:g} to {60 * high:g} rev/min"
             )
         last = len(self.nodes) - 1
         below = np.searchsorted(self.nodes, speed * (1 + NEAR), side="right") - 1

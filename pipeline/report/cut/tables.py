@@ -70,9 +70,19 @@ def share(value: float | None) -> str:
 
 
 def between(row: object, key: str, words: Callable[[float], str]) -> str:
-    """The ends of the interval of a quantity, in brackets; nothing where it has none."""
+    """The ends of the interval of a cost, in brackets: one where the value is the other.
+
+    >>> from types import SimpleNamespace as Row
+    >>> [between(Row(sum=2, sum_low=1, sum_high=high), "sum", str) for high in (4, 2)]
+    [' (1 to 4)', ' (1 at best)']
+    """
     low, high = (getattr(row, f"{key}_{end}", None) for end in ("low", "high"))
-    return "" if low is None or high is None else f" ({words(low)} to {words(high)})"
+    if low is None or high is None:
+        return ""
+    at, ends = getattr(row, key), (words(low), words(high))
+    if at is not None and ends[0] != ends[1] and words(at) in ends:
+        return f" ({ends[0]} at best)" if words(at) == ends[1] else f" ({ends[1]} at worst)"
+    return f" ({ends[0]} to {ends[1]})"
 
 
 def sentence(words: str) -> str:

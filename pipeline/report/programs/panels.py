@@ -250,7 +250,7 @@ def limit_seconds(program: SimulatedProgram) -> dict[str, float]:
 
 
 def _seconds(times: Mapping[str, float]) -> dict[str, float]:
-    return {name.replace("_", " ").lower(): value for name, value in times.items() if value > 0}
+    return {name: value for name, value in times.items() if value > 0}
 
 
 def limit_bars(program: SimulatedProgram) -> list[Group]:

@@ -103,7 +103,7 @@ def text_of(data: bytes, encoding: str) -> tuple[bytes, str]:
             "name the file's encoding in the layout, for example 'latin-1'"
         ) from error
     if damage and not (text := text[: text.rfind("\n") + 1]):
-        raise UnreadableFile(f"{damage[0]}: copy the file again")
+        raise UnreadableFile(damage[0])
     if not text.strip():
         raise UnreadableFile("the file is empty")
     if "\0" in text[:_HEAD]:
@@ -250,8 +250,7 @@ def read(path: Path, source: RecordSource, root: Path) -> Trace:
     if cut := _cut(lines, dialect):
         broken[len(lines)] = cut
     if damage:
-        reason = f"{damage}: copy the file again"
-        rejected = [*rejected, Rejection(line=len(lines) + 1, reason=reason)]
+        rejected = [*rejected, Rejection(line=len(lines) + 1, reason=damage)]
     if broken:
         keep = ~np.isin(numbers, list(broken))
         rejected = [*rejected, *(broken[int(number)] for number in numbers[~keep])]

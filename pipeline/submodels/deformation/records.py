@@ -378,16 +378,13 @@ def state_of_table(table: Any, wanted: Sequence[str], period: float) -> State:
     """State from a table of evenly spaced rows, ``period`` [s] apart, one column a channel.
 
     ``wanted`` are the sensors [degC], then ``ambient_temperature`` [degC] and ``spindle_speed``
-    [rev/min] where they are read. ValueError when a column is missing or no number.
+    [rev/min] where they are read. ValueError when a column is missing or does not begin.
     """
     columns = {}
     for name in wanted:
         if name not in table.columns:
             raise ValueError(f"the input has no column {name}: give {', '.join(wanted)}")
-        try:
-            columns[name] = table[name].to_numpy(float)
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"column {name} holds words: give numbers") from error
+        columns[name] = table[name].to_numpy(float)
     for name in (n for n in wanted if n in (AMBIENT, SPEED)):
         if not np.isfinite(columns[name][0]):
             raise ValueError(f"{name} is not known in row 1: start where it was measured")

@@ -16,6 +16,7 @@ from pipeline.schema.predictions import AGAIN
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact
+from pipeline.signals.windows import row_period
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
 from pipeline.submodels.conformal import (
     ALL_REGIMES,
@@ -26,7 +27,7 @@ from pipeline.submodels.conformal import (
 )
 from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.deformation.fit import FEWEST_PROFILES, columns_of, errors_of, fit_growth
-from pipeline.submodels.deformation.methods import SIMPLE
+from pipeline.submodels.deformation.methods import METHODS, SIMPLE
 from pipeline.submodels.deformation.model import (
     KEPT,
     REGIMES,
@@ -54,8 +55,6 @@ FOLLOWED = "growth, interval follows the probe"
 """The same prediction with the interval that adapts to readings of the probe."""
 AGAIN_DRAWN = 8
 """Means of seeds drawn with replacement that a recording is predicted by again [1]."""
-EVEN = 0.02
-"""Greatest deviation of the time between two rows of a table, as a share [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,6 +139,7 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
             Target(
                 quantity=GROWTH, unit="um", baselines=others,
                 must_beat=beaten[:1] if model.champion in SIMPLE else beaten, widens=True,
+                titles={name: METHODS[name].label for name in SIMPLE},
             ),
             *(
                 Target(
@@ -272,16 +272,7 @@ def _constant(profile: Profile) -> Callable[[], Profile]:
 
 def _state(table: pd.DataFrame, file: DeformationModel) -> State:
     """State of a table; ValueError without a column or row, or with another row period."""
-    period = file.sensors.period_s
-    if "t" not in table.columns or not len(table):
-        raise ValueError("the input has no column t with rows: give the time since the start in s")
-    steps = np.diff(table["t"].to_numpy(float))
-    if len(steps) and not np.all(np.abs(steps - period) <= EVEN * period):
-        worst = steps[np.argmax(np.abs(steps - period))]
-        raise ValueError(
-            f"two rows of the input are {worst:g} s apart, {period:g} s were learnt: give rows "
-            "every so often"
-        )
+    period = row_period(table, learnt=file.sensors.period_s)
     return state_of_table(table, file.channels, period)
 
 

@@ -33,6 +33,7 @@ from pipeline.schema.model import Band, LeftOut, SourceFile, significant
 from pipeline.schema.ranges import Positive, Ranged
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role, widest
+from pipeline.signals.windows import row_period
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
 from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.drive import comparison
@@ -250,11 +251,8 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         drives = identified_drives(model)
 
         def predict(table: pd.DataFrame) -> pd.DataFrame:
-            if "t" not in table.columns or len(table) < 2:
-                raise ValueError(
-                    "the input has no column t of two rows or more: give it in seconds"
-                )
-            period = float(np.diff(table["t"].to_numpy(float)).mean())
+            names = [f"{letter}_reference" for letter in drives]
+            period = row_period(table, *(name for name in names if name in table.columns))
             found = {"t": table["t"].to_numpy(float)}
             for letter, drive in drives.items():
                 name = f"{letter}_reference"

@@ -1,4 +1,4 @@
-"""Stored model of the following residual, its predictor and its attention.
+"""Stored model of the residual following error, its predictor and its attention.
 
 For each axis and use, networks of each kind are kept as they were trained on all but one fold of
 the training recordings; what serves is the mean of those of the champion.  Its ``residual``
@@ -66,6 +66,12 @@ NAMES = {
     TWIN: "drive model alone", FUZZY: "drive model with fuzzy PI", PERSISTENCE: "persistence",
 }  # fmt: skip
 """Kinds of network by their name in words."""
+
+
+def titles(*, with_drive: bool) -> dict[str, str]:
+    """What serves and what it is compared with, in words."""
+    alone = NAMES[TWIN] if with_drive else "nothing predicted"
+    return NAMES | {PERSISTENCE: "last error known", TWIN: alone}
 
 
 @dataclass(frozen=True, kw_only=True)

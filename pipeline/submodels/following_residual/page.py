@@ -21,6 +21,7 @@ from pipeline.submodels.following_residual.model import (
     QUANTITIES,
     TWIN,
     ResidualModel,
+    titles,
 )
 
 BASES = {PREDICTION: TWIN, ESTIMATION: PERSISTENCE}
@@ -41,8 +42,7 @@ def content(shown: Seen) -> PageContent:
     with_drive = model is None or model.with_drive
     use = next((use for use in (PREDICTION, ESTIMATION) if model is not None
                 and any(use in uses for uses in model.axes.values())), PREDICTION)  # fmt: skip
-    titles = NAMES | {PERSISTENCE: "last error known",
-                      TWIN: "drive model alone" if with_drive else "nothing predicted"}  # fmt: skip
+    words = titles(with_drive=with_drive)
     command = f"kerf simulate PROGRAM --machine {shown.machine} --corrected FILE"
     letters = [] if model is None else [axis for axis in model.axes if use in model.axes[axis]]
     return PageContent(
@@ -62,7 +62,7 @@ def content(shown: Seen) -> PageContent:
                      name=f"RMS of the following error not {USES[use].split()[0]}"),
         ),
         guess=BASES[use],
-        titles=titles,
+        titles=words,
         todo={
             "passed": f"To have a command that takes the error off before the motion: {command}."
             if use == PREDICTION else "Record the commanded positions too: only then can the "
@@ -73,14 +73,14 @@ def content(shown: Seen) -> PageContent:
         },
         facts=[] if model is None else list(_facts(model)),
         figures=[] if model is None else [_attention(shown, model), _history(shown, model)],
-        tried=[] if model is None else list(_tried(shown, model, titles)),
+        tried=[] if model is None else list(_tried(shown, model, words)),
         drawn=[Drawn(quantity=f"{QUANTITIES[use]} {letter}", error="max",
-                     other=(BASES[use], titles[BASES[use]])) for letter in letters],
+                     other=(BASES[use], words[BASES[use]])) for letter in letters],
         shown_facts=("greatest error",),
     )  # fmt: skip
 
 
-def _tried(shown: Seen, model: ResidualModel, titles: dict[str, str]) -> Iterator[Tried]:
+def _tried(shown: Seen, model: ResidualModel, words: dict[str, str]) -> Iterator[Tried]:
     for letter, uses in model.axes.items():
         for use, one in uses.items():
             verdict = shown.verdict
@@ -88,7 +88,7 @@ def _tried(shown: Seen, model: ResidualModel, titles: dict[str, str]) -> Iterato
             for kind, score in one.scores.items():
                 own = kind == one.champion
                 later = None if total is None else total if own else total.baselines.get(kind)
-                yield Tried(task=f"{letter}, {USES[use]}", label=titles.get(kind, kind),
+                yield Tried(task=f"{letter}, {USES[use]}", label=words.get(kind, kind),
                             error=score.rmse_um, unit="µm", spread=score.spread_um or None,
                             serves=own, later=later)  # fmt: skip
 

@@ -15,6 +15,7 @@ from pipeline.schema.model import LeftOut, SourceFile
 from pipeline.schema.ranges import Positive, Ranged, Share
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Fact, Role
+from pipeline.signals.windows import row_period
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
 from pipeline.submodels.conformal import interval
 from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
@@ -34,6 +35,7 @@ from pipeline.submodels.following_residual.model import (
     UseModel,
     attention_shown,
     load_residual,
+    titles,
 )
 from pipeline.submodels.following_residual.records import ResidualRecords, Run, read_runs
 from pipeline.submodels.statistics import drawn_again
@@ -117,7 +119,7 @@ class FollowingResidual(SubModel[Fitting, Judging, ResidualModel]):
     """Residual following error beyond the drives' model."""
 
     name: ClassVar[str] = "following_residual"
-    title: ClassVar[str] = "following error that the drive model leaves over"
+    title: ClassVar[str] = "residual following error"
     needs: ClassVar[str] = (
         "commanded and measured position of each axis at 500 Hz or more, in five recordings or "
         "more of motions like those that shall be predicted"
@@ -154,6 +156,7 @@ class FollowingResidual(SubModel[Fitting, Judging, ResidualModel]):
                         quantity=f"{QUANTITIES[use]} {letter}", unit="um", baselines=others,
                         must_beat=(base,) if base in others else (), coverage=(least, most),
                         most_percent=limits.most_percent,
+                        titles=titles(with_drive=model.with_drive),
                     )
                 )  # fmt: skip
         return tuple(found)
@@ -261,18 +264,14 @@ class FollowingResidual(SubModel[Fitting, Judging, ResidualModel]):
         model = load_residual(folder)
 
         def predict(table: pd.DataFrame) -> pd.DataFrame:
-            if "t" not in table.columns or len(table) < 2:
-                raise ValueError(
-                    "the input has no column t of two rows or more: give it in seconds"
-                )
-            t = table["t"].to_numpy(float)
-            found: dict[str, Any] = {"t": t}
+            row_period(table)
+            found: dict[str, Any] = {"t": table["t"].to_numpy(float)}
             for letter, uses in model.file.axes.items():
                 names = [f"{letter}_{one}" for one in SERVED]
                 if PREDICTION not in uses or any(name not in table.columns for name in names):
                     continue
+                period = row_period(table, *names)
                 reference, error, command = (table[name].to_numpy(float) for name in names)
-                period = float(np.diff(t).mean())
                 residual, half = model.residual(letter, reference, error, command, period)
                 found |= {
                     f"{letter}_residual": UM * residual, f"{letter}_low": UM * (residual - half),

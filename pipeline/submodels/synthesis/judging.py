@@ -33,7 +33,8 @@ COPY = "distance to the nearest training window"
 SPECTRUM = "power in a band"
 ORDERS = "power at a spindle order"
 RECORDED, NEAREST, MEAN = "recorded", "nearest", "mean"
-"""Baselines: the recorded windows themselves, the nearest training windows, the mean wear."""
+TITLES = {RECORDED: "recorded signals", NEAREST: "nearest training windows", MEAN: "mean wear"}
+"""Baselines, and their names in words."""
 SPEED = ("spindle_speed", "speed", "spindle speed")
 """Names of the condition of the spindle orders."""
 ORDER_COUNT = 12

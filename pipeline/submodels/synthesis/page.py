@@ -57,8 +57,7 @@ def content(shown: Seen) -> PageContent:
                        quantity=judging.GENERATED, regime=name) for k, name in enumerate(judges)),
         ),
         guess=judging.MEAN,
-        titles={judging.MEAN: "mean wear", judging.RECORDED: "recorded signals",
-                judging.NEAREST: "nearest training windows"},
+        titles=judging.TITLES,
         todo={
             "passed": "Signals at a wear that was not recorded: kerf synthesise --machine "
             f"{shown.machine} --wear VALUE --out FILE.",

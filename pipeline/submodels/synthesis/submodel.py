@@ -31,6 +31,7 @@ from pipeline.submodels.synthesis.judging import (
     RECORDED,
     SPECTRUM,
     SPREAD,
+    TITLES,
     compared,
 )
 from pipeline.submodels.synthesis.model import (
@@ -92,12 +93,13 @@ class SynthesisOfSignals(SubModel[Fitting, Judging, SynthesisModel]):
             *(
                 Target(
                     quantity=GENERATED, unit=unit, regime=judge, limits=wear,
-                    baselines=(RECORDED, NEAREST, MEAN), must_beat=(MEAN,),
+                    baselines=(RECORDED, NEAREST, MEAN), must_beat=(MEAN,), titles=TITLES,
                 )
                 for judge in model.judges
             ),
             Target(
                 quantity=LEARNT, unit=unit, baselines=(RECORDED, MEAN), must_beat=(MEAN,),
+                titles=TITLES,
             ),
             Target(quantity=AUGMENTED, unit=unit, baselines=(RECORDED, MEAN)),
             Target(quantity=SPREAD, unit="1", limits={"mean_percent": limits.spread_percent}),

@@ -28,6 +28,7 @@ from pipeline.submodels.wear.life import WearLifeSettings
 from pipeline.submodels.wear.model import (
     GUESS,
     MEAN,
+    NAMES,
     WEAR,
     Wear,
     WearFitSettings,
@@ -248,7 +249,7 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
             return (
                 Target(
                     quantity=model.quantity, unit=model.wear_unit, baselines=others,
-                    limits={"rmse": limits.rmse_class}, must_beat=beaten,
+                    limits={"rmse": limits.rmse_class}, must_beat=beaten, titles=NAMES,
                     least_auc=limits.least_auc,
                 ),
             )  # fmt: skip
@@ -258,7 +259,8 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
         return (
             Target(
                 quantity=model.quantity, unit=model.wear_unit, baselines=others,
-                limits={"rmse": limits.rmse_um}, must_beat=beaten, coverage=(least, most),
+                limits={"rmse": limits.rmse_um}, must_beat=beaten, titles=NAMES,
+                coverage=(least, most),
             ),
         )  # fmt: skip
 

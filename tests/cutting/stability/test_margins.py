@@ -215,7 +215,7 @@ def test_margin_is_zero_at_the_limit() -> None:
 def test_a_speed_outside_of_the_table_is_named(rpm: float) -> None:
     speeds = np.full((2, 6), 9000.0)
     speeds[1, 3] = rpm
-    with pytest.raises(ValueError, match=r"speed_rpm\[1, 3\] = .*4000 to 20000 rpm"):
+    with pytest.raises(ValueError, match=r"speed_rpm\[1, 3\] = .*4000 to 20000 rev/min"):
         table().margins(speeds)
 
 

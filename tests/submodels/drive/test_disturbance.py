@@ -351,7 +351,7 @@ def test_pulses_on_the_benchmarks_own_record_enter_where_they_were_added():
     samples = len(found["t"])
     one = Recording(name="DATA_EMPS.mat", trained=True, period=PERIOD,
                     air=np.ones(samples, bool), axes={"X": record})  # fmt: skip
-    way = DirectionFriction(coulomb=20.4, static=20.4, viscous=203.5)
+    way = DirectionFriction(coulomb=20.4, static=20.4, stribeck_velocity=0.005, viscous=203.5)
     screw = FeedDriveParameters(  # as published
         mass=95.1, force_constant=k, offset=-3.16,
         friction=FrictionParameters(positive=way, negative=way),

@@ -56,7 +56,7 @@ IDENTITY = MachineIdentity(name="mill", origin="simulated")
 SETTINGS = DriveFitSettings(compare=False)
 PERIOD = 1e-3
 SERVO = ServoParameters(position_gain=40.0, velocity_gain=300.0, integral_gain=9e3)
-WAY = DirectionFriction(coulomb=60.0, static=80.0, viscous=200.0)
+WAY = DirectionFriction(coulomb=60.0, static=80.0, stribeck_velocity=0.005, viscous=200.0)
 SCREW = FeedDriveParameters(
     mass=95.0, force_constant=100.0, offset=25.0,
     friction=FrictionParameters(positive=WAY, negative=WAY),
@@ -310,8 +310,32 @@ def test_what_is_served_is_what_the_closed_loop_does(judged, tmp_path):
     assert list(served.columns) == ["t", "X_following_error", "X_command", "X_force"]
     # at a slow constant feed e = v / (S_pp P_p), once it has settled: 10 mm/s over 40 1/s
     assert 0 < served["X_following_error"].iloc[-1] < 250
-    with pytest.raises(ValueError, match="no column t"):
-        SUBMODEL.serve(tmp_path)(served.drop(columns="t"))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"t": None}, "no column t"),
+        (
+            {"t": {7: 0.0075}},
+            r"rows 7 and 8 .* 0\.0015 s apart, 0\.001 s lie .*: give evenly spaced",
+        ),
+        ({"t": {7: np.nan}}, "t is nan in row 8: give a value in each row"),
+        ({"t": {7: "07:30"}}, "t is '07:30' in row 8, which is no number: give one"),
+        ({"X_reference": {3: "x"}}, "X_reference is 'x' in row 4, which is no number"),
+        ({"X_reference": {3: np.nan}}, "X_reference is nan in row 4: give a value in each row"),
+    ],
+)
+def test_a_table_that_no_drive_can_follow_is_refused(judged, tmp_path, change, said):
+    judged([TRAINED])
+    table = SUBMODEL.example(tmp_path)
+    for name, cells in change.items():
+        table[name] = table[name].astype(object)
+        table = table.drop(columns=name) if cells is None else table
+        for row, value in (cells or {}).items():
+            table.loc[row, name] = value
+    with pytest.raises(ValueError, match=said):
+        SUBMODEL.answer(tmp_path)(table)
 
 
 def test_what_is_served_has_the_interval_that_was_learnt(judged, tmp_path):
@@ -366,7 +390,7 @@ def test_emps_in_closed_loop():
     assert value["velocity_scale"] == pytest.approx(1.0, abs=5e-3)
     assert value["velocity_lag"] == pytest.approx(PERIOD, rel=0.05)  # one sample of its servo
     assert fit.determined[[fit.names.index(n) for n in ("position_scale", "velocity_scale")]].all()
-    way = DirectionFriction(coulomb=20.4, static=20.4, viscous=203.5)
+    way = DirectionFriction(coulomb=20.4, static=20.4, stribeck_velocity=0.005, viscous=203.5)
     screw = FeedDriveParameters(
         mass=95.1, force_constant=constants.force_constant or 0.0, offset=-3.16,
         friction=FrictionParameters(positive=way, negative=way),

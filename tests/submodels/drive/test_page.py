@@ -195,7 +195,7 @@ def test_one_wide_interval_does_not_flatten_the_curve():
     y = circles(drawn, "p-positive")[:, 1]
     assert np.ptp(y) > 0.3 * 260  # 200 N on a scale from 0 to 530 N
     assert drawn.count('class="beyond"') == 2  # both ends of the bar, which the scale cuts
-    assert "▲ beyond, up to 4300 N" in drawn
+    assert "▲ above, up to 4300 N; ▼ below, down to −3700 N" in drawn
 
 
 def test_the_curve_is_cut_where_nothing_was_measured():
@@ -255,4 +255,4 @@ def test_a_wide_start_does_not_flatten_the_rest_of_the_estimate():
                     value=(found.value[0], -1e5, *found.value[2:]))  # fmt: skip
     drawn = mass(found, parameter(420.0, "kg"))
     assert ">450<" in drawn and ">500<" in drawn
-    assert 'class="beyond"' in drawn and "▲ beyond" in drawn
+    assert 'class="beyond"' in drawn and "▼ below" in drawn

@@ -64,7 +64,7 @@ def settled(
 ) -> Bools:
     """Samples at which the spindle has held its speed, and holds it for half as long after.
 
-    A change of speed takes power before it shows in a speed in whole rpm.
+    A change of speed takes power before it shows in a speed in whole rev/min.
 
     ``settle_s`` [s] is how long the speed n [rev/s], in any sense, must have been held before a
     sample counts; half of it after, and until the next sample at least.  A change up to the share
@@ -226,7 +226,7 @@ class LoadScale:
         drive = self.drive
         return (
             f"load is a percentage of {of}; {drive.rated_power_kW:g} kW from "
-            f"{drive.base_speed_rpm:g} rpm, efficiency {drive.efficiency:g}"
+            f"{drive.base_speed_rpm:g} rev/min, efficiency {drive.efficiency:g}"
         )
 
 
@@ -356,7 +356,7 @@ def _cuts(levels: Levels, idle: NoLoad) -> Levels:
     if not len(cuts):
         raise ValueError(
             "no settled cut is at a speed that the spindle also turned free at: record cuts "
-            f"between {idle.lowest * MINUTE:.0f} and {idle.highest * MINUTE:.0f} rpm"
+            f"between {idle.lowest * MINUTE:.0f} and {idle.highest * MINUTE:.0f} rev/min"
         )
     return cuts
 

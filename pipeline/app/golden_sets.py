@@ -1,0 +1,177 @@
+"""Golden and sealed sets on the command line: files that are frozen, and what may replace them."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from datetime import date
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+from pipeline.app.fleet import DATA, machine_parameters
+from pipeline.app.output import many
+from pipeline.parameters import structure
+from pipeline.schema.days import UTC, day_of_text
+from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden, write_golden
+
+
+def freeze_set(
+    machine: str,
+    *,
+    first: str | None = None,
+    last: str | None = None,
+    files: Sequence[str] = (),
+    sealed: bool = False,
+    again: Callable[[str], bool] = lambda question: False,
+) -> FrozenSet:
+    """Freeze raw files of ``machine`` as its golden set, or as the ``sealed`` set of promotion.
+
+    ``first`` and ``last``: days of the plant, ``YYYY-MM-DD``, both included; ``files``: patterns of
+    further files, and of parts of tables, ``<file>#<column>=<value>``.
+    """
+    mapping = machine_parameters(machine)["machine"][machine].get("mapping") or {}
+    zone = str(mapping.get("time_zone", UTC))
+    days = _days(first, last)
+    manifest = DATA / "signals" / machine / "manifest.json"
+    if not manifest.exists():
+        raise ValueError(f"{manifest} does not exist: run `dvc repro ingest@{machine}` first")
+    known = _document(manifest)["files"]
+    from pipeline.signals.conditions import share_rows
+    from pipeline.submodels.cases import files_of_days, sources
+
+    there = _days_there(machine, known, zone)
+    names: set[str] = set()
+    if days is not None:
+        if any(day in days for day in there):
+            names = set(files_of_days(known, days, zone))
+        if not names:
+            listed = f"there are records of {_listed(there)}" if there else "no record has a clock"
+            raise ValueError(
+                f"{machine} has no record from {days.first} to {days.last}: name other days, or "
+                f"put the files of these into data/raw/{machine} and run `dvc repro`; {listed}"
+            )
+    whole: set[str] = set()
+    for pattern in files:
+        fitting = _fitting(machine, known, pattern)
+        if not fitting:
+            raise ValueError(f"{machine} has no raw file {pattern!r}: `kerf golden` names files "
+                             "below its folder in data/raw, with * for any letters, and parts of "
+                             "tables as <file>#<column>=<value>")  # fmt: skip
+        whole |= fitting
+    clocked = {one for one in whole - names if days and known.get(one, {}).get("last")}
+    names |= whole
+    if not names:
+        raise ValueError("name what to freeze: --first and --last of a week, or --files")
+    path = DATA / "golden" / f"{machine}.json"
+    sets = read_golden(path) or GoldenSets(machine=machine)
+    other = sets.golden if sealed else sets.sealed
+    taken = [one.file for one in (other.files if other else ())]
+    both = sorted(name for name in names if any(share_rows(name, one) for one in taken))
+    if both:
+        raise ValueError(
+            f"{both[0]} is in the {'golden' if sealed else 'sealed'} set of {machine} already: a "
+            "file is in one of them"
+        )
+    frozen = FrozenSet(
+        files=sources(known, sorted(names)), days=days, time_zone=zone, whole=tuple(sorted(clocked))
+    )
+    _ask_before(machine, sets.sealed if sealed else sets.golden, frozen, path, again)
+    changed = replace(sets, sealed=frozen) if sealed else replace(sets, golden=frozen)
+    write_golden(changed, path)
+    return frozen
+
+
+def _fitting(machine: str, known: dict[str, Any], pattern: str) -> set[str]:
+    """Raw files that fit a pattern, or the parts of tables that it names by their columns."""
+    from pipeline.signals.conditions import parts_of, selection
+
+    file, values = selection(pattern)
+    fitting = {name for name in known if fnmatchcase(name, file)}
+    if not values:
+        return fitting
+    signals = DATA / "signals" / machine
+    tables = {name: str(known[name].get("output") or "") for name in fitting}
+    return {
+        part.name(name)
+        for name, output in tables.items() if output.endswith(".parquet")
+        for part in parts_of(signals / output, list(values), "--files")
+        if all(fnmatchcase(part.values[column], value) for column, value in values.items())
+    }  # fmt: skip
+
+
+def _ask_before(
+    machine: str, there: FrozenSet | None, frozen: FrozenSet, path: Path,
+    again: Callable[[str], bool],
+) -> None:  # fmt: skip
+    """Raise ValueError where a committed set would be replaced and the answer is no."""
+    from pipeline.registry.provenance import git
+
+    if there is None or there == frozen or not git("ls-tree", "HEAD", "--", str(path)):
+        return
+    said = f"{path} is committed, and verdicts rest on what it freezes of {machine}"
+    if not again(f"{said}: freeze {many(len(frozen.files), 'file')} in its place?"):
+        raise ValueError(f"{said}: it stays; give --again to freeze another set in its place")
+
+
+def _days_there(machine: str, known: dict[str, Any], zone: str) -> list[str]:
+    """Days of the plant with records: of the clean tables, without any those on which files end."""
+    from pipeline.signals.windows import state_days
+
+    cleaned = state_days(DATA / "clean" / machine)
+    ends = {day_of_text(str(entry["last"]), zone) for entry in known.values() if entry.get("last")}
+    return cleaned or sorted(ends)
+
+
+def _listed(days: Sequence[str]) -> str:
+    spans: list[list[date]] = []
+    for day in map(date.fromisoformat, days):
+        if spans and (day - spans[-1][1]).days == 1:
+            spans[-1][1] = day
+        else:
+            spans.append([day, day])
+    return ", ".join(str(a) if a == b else f"{a} to {b}" for a, b in spans)
+
+
+def learnt_and_frozen(machine: str, frozen: FrozenSet) -> str | None:
+    """A warning when a frozen set takes days or files that the roles give to training."""
+    from pipeline.submodels.cases import Roles
+
+    roles = structure(machine_parameters(machine), f"machine.{machine}.roles", Roles)
+    days, learnt = frozen.days, roles.training_days
+    for one in frozen.files:
+        if roles.is_training(one.file):
+            return f"{one.file} is a training file of roles.training: nothing learns from it now"
+    if days is None or learnt is None or days.last < learnt.first or learnt.last < days.first:
+        return None
+    whole = days.first <= learnt.first and learnt.last <= days.last
+    left = "no day is left to learn from" if whole else "nothing learns from the shared days now"
+    return (
+        f"{days.first} to {days.last} overlaps roles.training_days, {learnt.first} to "
+        f"{learnt.last}: {left}; freeze other days, or name other training days"
+    )
+
+
+def _days(first: str | None, last: str | None) -> Days | None:
+    if first is None and last is None:
+        return None
+    if first is None or last is None:
+        raise ValueError("--first and --last go together: name both days, or none")
+    days = [_day(day) for day in (first, last)]
+    if days[0] > days[1]:
+        raise ValueError(f"--first {first} lies after --last {last}: name the earlier day first")
+    return Days(first=days[0], last=days[1])
+
+
+def _day(text: str) -> str:
+    try:
+        return date.fromisoformat(text).isoformat()
+    except ValueError as error:
+        raise ValueError(f"{text!r} is no day: write it as YYYY-MM-DD") from error
+
+
+def _document(path: Path) -> dict[str, Any]:
+    try:
+        found: dict[str, Any] = json.loads(path.read_text())
+    except ValueError as error:
+        raise ValueError(f"{path} is no JSON ({error}): run `dvc repro` to write it") from error
+    return found
