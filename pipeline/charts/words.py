@@ -53,8 +53,8 @@ class PageWords:
     def table(self, key: str, **fields: object) -> dict[str, str]:
         """Texts of a table by name, in their order, with their fields filled in."""
         head = f"{key}."
-        return {name.removeprefix(head): self(name, **fields)
-                for name in self.words if name.startswith(head)}  # fmt: skip
+        return {name.removeprefix(head): form_of(entry, None).format(**fields)
+                for name, entry in self.words.items() if name.startswith(head)}  # fmt: skip
 
     def meaning(self, group: str, name: str) -> str:
         """Meaning of a parameter; a dash where none is declared."""

@@ -23,6 +23,8 @@ from pipeline.submodels.wear.fit import balanced_accuracy
 from pipeline.submodels.wear.model import GUESS, MEAN, NAMES, WEAR, WearModel
 
 WORDS = page_words(__file__)
+LIFE = "life_length"
+"""Beginning of the names of the parameters that the type of a tool ends."""
 Seen = Shown[WearModel]
 
 
@@ -45,7 +47,7 @@ def content(shown: Seen) -> PageContent:
         head=[*_accuracy(shown), *due_key_figures(shown)],
         notes=due_notes(shown),
         actions=due_actions(shown),
-        meaning=lambda group, name: WORDS("edge_growth"),
+        meaning=lambda group, name: WORDS.meaning(group, LIFE if name.startswith(LIFE) else name),
         tried=[] if model is None else list(_tried(shown, model)),
         drawn=[Drawn(quantity=quantity, axis=use, factor=1 / 60.0 if timed else 1.0,
                      other=(GUESS, NAMES[GUESS]))],
