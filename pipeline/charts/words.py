@@ -34,7 +34,7 @@ def form_of(entry: Entry, count: int | None) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class PageWords:
-    """Words of a sub-model's page, read from ``page.toml``.
+    """Words of a sub-model's page, or of a part of it, read from the file beside it.
 
     ``content`` holds the fields of :class:`~pipeline.charts.submodel_page.PageContent` that are
     words alone, ``meanings`` those of parameters, each under its name or, of a group, under
@@ -50,10 +50,10 @@ class PageWords:
         given = fields if count is None else {"count": number(count), **fields}
         return form_of(self.words[key], count).format(**given)
 
-    def table(self, key: str) -> dict[str, str]:
-        """Words of a table by name, in their order."""
+    def table(self, key: str, **fields: object) -> dict[str, str]:
+        """Texts of a table by name, in their order, with their fields filled in."""
         head = f"{key}."
-        return {name.removeprefix(head): form_of(entry, None)
+        return {name.removeprefix(head): form_of(entry, None).format(**fields)
                 for name, entry in self.words.items() if name.startswith(head)}  # fmt: skip
 
     def meaning(self, group: str, name: str) -> str:

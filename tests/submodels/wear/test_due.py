@@ -11,8 +11,8 @@ from pipeline.report.verdict import ORDER
 from pipeline.schema.verdict import Fact
 from pipeline.submodels.wear import due
 from pipeline.submodels.wear.due import Estimate, due_facts, fit_lasting, left_names
+from pipeline.submodels.wear.due_page import DueTool, due_actions
 from pipeline.submodels.wear.life import LifeLaw, fit_life, uses
-from pipeline.submodels.wear.page import DueTool, due_actions
 from tests.submodels.wear.shop_lives import followed, life_settings, tools, windows
 
 SETTINGS = life_settings("mill01")

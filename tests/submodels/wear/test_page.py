@@ -14,8 +14,8 @@ from pipeline.schema.verdict import Fact, JudgedCase
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.wear import due
 from pipeline.submodels.wear.due import Estimate, Lasting, due_facts, fit_lasting
+from pipeline.submodels.wear.due_page import due_key_figures, due_notes, due_section, due_truth
 from pipeline.submodels.wear.model import GUESS, MEAN, MethodScore, WearModel
-from pipeline.submodels.wear.page import due_key_figures, due_notes, due_section, due_truth
 from pipeline.submodels.wear.submodel import SUBMODEL
 from tests.submodels.made_pages import drawn, held_to_golden, made, tables, words
 from tests.submodels.wear.shop_lives import followed, life_settings, tools, windows
