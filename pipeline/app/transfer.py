@@ -58,9 +58,7 @@ def transfer_curve(
     path = DATA / "models" / golden / SUBMODEL.name / "model.json"
     manifest, clean = DATA / "signals" / machine / "manifest.json", DATA / "clean" / machine
     sets = DATA / "golden" / f"{machine}.json"
-    check_outputs(
-        None, out, page, inputs=[path, manifest, sets, *sorted(clean.rglob("*.parquet"))]
-    )  # fmt: skip
+    check_outputs(None, out, page, inputs=[path, manifest, sets, *sorted(clean.rglob("*.parquet"))])
     for file, whose, stage in ((path, golden, f"identify_{SUBMODEL.name}"),
                                (manifest, machine, "ingest")):  # fmt: skip
         if not file.exists():

@@ -331,7 +331,7 @@ def tried_table(
         columns[-1:-1] = [
             Column(head, partial(_later, name=name), "", group="records that decide")
             for name, head in (("rmse", "RMSE"), ("max", "largest"))
-        ]  # fmt: skip
+        ]
     if any(one.evaluations for one in rows):
         columns.append(Column(
             "evaluations", lambda one: number(one.evaluations) if one.evaluations else "–", ""
@@ -459,7 +459,7 @@ def singles_table(predictions: "pd.DataFrame | None", made: Sequence[Source]) ->
         for quantity, regime, case, unit, *values in zip(
             *(alone[name].tolist() for name in names), strict=True
         )
-    ]  # fmt: skip
+    ]
     inside = [row[5] <= row[3] <= row[6] for row in rows if row[5] == row[5]]
     held = f"; {sum(inside)} of {len(inside)} intervals hold the measured one" if inside else ""
     return tabulated(f"Single values ({len(rows)}){held}", rows, SINGLES, made, most=MOST_ROWS,

@@ -265,7 +265,7 @@ class CuttingCatalogue:
 
     def lookup(
         self, tool: Tool, material: Material, operation: Operation, width: float = 0.0
-    ) -> CuttingRange | None:  # fmt: skip
+    ) -> CuttingRange | None:
         """Feed per tooth and cutting speed, a_e over D by default the narrowest; None if absent."""
         found = self._row(tool, material, operation, width)
         if found is None:

@@ -105,9 +105,7 @@ class Flow:
             "if": (found.otherwise or found.end) + 1, "while": found.end + 1,
             "until": found.opening + 1,
         }  # fmt: skip
-        always = {
-            "else": found.end + 1, "endwhile": found.opening, "endloop": found.opening + 1
-        }  # fmt: skip
+        always = {"else": found.end + 1, "endwhile": found.opening, "endloop": found.opening + 1}
         if word in unless:
             if not self._value(control.condition, at):
                 level.line = unless[word]

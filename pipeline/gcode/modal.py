@@ -145,10 +145,8 @@ GROUPS: dict[str, Group] = {
         step=220,
         default=800,
     ),
-    "motion": Group(
-        codes=(0, 10, 20, 30, 330, 331, 382, 383, 384, 385), step=220, default=0
-    ),
-}  # fmt: skip
+    "motion": Group(codes=(0, 10, 20, 30, 330, 331, 382, 383, 384, 385), step=220, default=0),
+}
 """Name -> group.  ``cycle`` and ``motion`` are one group in LinuxCNC, groups 9 and 1 in Fanuc."""
 
 ONE_SHOT: dict[int, tuple[int, frozenset[str]]] = {

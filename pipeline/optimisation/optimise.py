@@ -311,7 +311,7 @@ class _Optimisation:
         most = None if self.practice is None else self.practice.greatest_f_z
         feeds = chance_constrained_feeds(
             self.before, limits_N, margin, uncertain, settings, greatest=most
-        )  # fmt: skip
+        )
         return uncertain, feeds
 
     @property
@@ -448,7 +448,7 @@ class _Optimisation:
             return [self._written(problem, direct)]
         found = baselines(
             problem, optimum.groups, self.objective, self.job.settings.search, self._compared
-        )  # fmt: skip
+        )
         return [self._written(problem, one) for one in (*found[:1], direct, *found[1:])]
 
     def _written(self, problem: Problem, method: Method) -> Method:

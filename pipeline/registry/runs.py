@@ -279,8 +279,7 @@ def _judged(verdict: Verdict) -> str:
 
 def _decisive(verdict: Verdict) -> list[Score]:
     """Scores over all groups that the verdict rests on; none where nothing was judged."""
-    return [s for s in verdict.scores
-            if s.group == "all" and s.role == verdict.judged_role and s.n]  # fmt: skip
+    return [s for s in verdict.scores if s.group == "all" and s.role == verdict.judged_role and s.n]
 
 
 def _limits(score: Score, verdict: Verdict) -> Mapping[str, float]:

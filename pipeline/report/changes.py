@@ -192,11 +192,11 @@ def _parameter_changes(
         p, q = old.get(key), new.get(key)
         title = say("figure.parameter", name=words.replace("_", " "))
         a, b = (
-            None if one is None else key_figure(
-                title, one.unit, one.value if one.determined else None
-            )
+            None
+            if one is None
+            else key_figure(title, one.unit, one.value if one.determined else None)
             for one in (p, q)
-        )  # fmt: skip
+        )
         # a sub-model may compare a parameter itself, in units of the shop floor
         if words in now.figures or (a.value if a else None) == (b.value if b else None):
             continue

@@ -89,9 +89,8 @@ def _rapids(programs: dict[str, Any]) -> Iterator[str]:
     off = [
         f"{name} by {number(place['after']['max_um']['mean'], 2)} µm"
         for name, one in programs.items()
-        if (place := one.get("path", {}).get("measured"))
-        and _mean(place["share_left"] or 0.0) > 1
-    ]  # fmt: skip
+        if (place := one.get("path", {}).get("measured")) and _mean(place["share_left"] or 0.0) > 1
+    ]
     if off:
         yield f"The whole path is further off than as planned in {joined(off)} at most."
 

@@ -50,7 +50,7 @@ def lead_page(
         _changes(changes, why_none, since, say),
         _time(facts, say),
         _last_records(facts, say),
-    ]  # fmt: skip
+    ]
     return LeadPage(
         folders=facts.folders,
         verdict=verdict,
@@ -171,7 +171,7 @@ def origins(facts: MachineFacts, log_name: str) -> list[Origin]:
             name=name, files=len(ends), last=max((e for e in ends if e is not None), default=None)
         )
         for name, ends in found.items()
-    ]  # fmt: skip
+    ]
     clocked = sorted(
         (one for one in each if one.last is not None), key=lambda one: -(one.last or 0)
     )

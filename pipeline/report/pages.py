@@ -99,7 +99,7 @@ def fleet_row(facts: MachineFacts, verdict: MachineVerdict, say: Texts) -> Fleet
     of = "" if newest is None else say(f"fleet.last_{'live' if records.last_live else 'all'}")
     return FleetRow(
         folders=facts.folders, verdict=verdict, group=group_of(verdict), last=last, last_of=of
-    )  # fmt: skip
+    )
 
 
 def group_of(verdict: MachineVerdict) -> str:
@@ -200,9 +200,7 @@ def forces_doubt(forces: PartVerdict | None) -> list[str]:
             "and its loads rest on them."]  # fmt: skip
 
 
-def trial_section(
-    parts: PartPrograms, shelf: SourceRegistry, part: PartProgram
-) -> Section | None:  # fmt: skip
+def trial_section(parts: PartPrograms, shelf: SourceRegistry, part: PartProgram) -> Section | None:
     """Cuts of the program on the simulated shop floor; None where there were none."""
     after, before = part.cuts("after"), part.cuts("before")
     if part.cut is None or after is None or before is None:

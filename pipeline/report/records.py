@@ -352,11 +352,11 @@ FAULTS: tuple[Column[tuple[str, str]], ...] = (
 REASONS: tuple[Column[Reason], ...] = (
     Column("Reason", lambda r: r.reason or "(no reason given)"),
     Column("records", lambda r: number(r.count), ""),
-    Column("first seen in", lambda r: code(
-        r.file if r.line is None else f"{r.file}, line {r.line}"
-    )),
+    Column(
+        "first seen in", lambda r: code(r.file if r.line is None else f"{r.file}, line {r.line}")
+    ),
     Column("begins", lambda r: code(r.excerpt[:120] or "–")),
-)  # fmt: skip
+)
 CHANGES: tuple[Column[Changed], ...] = (
     Column("Rule", lambda change: change.rule),
     Column("means", lambda change: RULES.get(change.rule, "–")),

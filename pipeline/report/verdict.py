@@ -191,9 +191,7 @@ def _programs(facts: MachineFacts, trusted: bool, say: Texts) -> Iterator[Action
     """Optimised programs that gain something, and those that must not be loaded."""
     rows = [(one, "action.refuse", refusal(one, say), NOW) for one in refused(facts.parts)]
     if trusted:
-        rows += [
-            (one, "action.review", gain(one, say), OPEN) for one in loadable(facts.parts)
-        ]  # fmt: skip
+        rows += [(one, "action.review", gain(one, say), OPEN) for one in loadable(facts.parts)]
     for one, what, why, until in rows:
         where = say("where.program", label=one.label)
         yield ActionRow(

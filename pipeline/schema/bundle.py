@@ -75,9 +75,8 @@ class Bundle:
     def named(self, *statuses: Status) -> str:
         """Sub-models with one of some statuses: ``"drive failed, cutting not judged"``."""
         return ", ".join(
-            f"{name} {one.status}"
-            for name, one in self.submodels.items() if one.status in statuses
-        )  # fmt: skip
+            f"{name} {one.status}" for name, one in self.submodels.items() if one.status in statuses
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -209,9 +209,7 @@ def check_files(folder: Path, tables: Mapping[str, str]) -> None:
                 if name == "traces":  # the kinds of its channels stand in the file's schema
                     kinds = pq.read_schema(path).empty_table().to_pandas()
                     check(name, kinds)
-                    check(name, pd.read_parquet(path, columns=[
-                        "time" if "time" in kinds else "t"
-                    ]))  # fmt: skip
+                    check(name, pd.read_parquet(path, columns=["time" if "time" in kinds else "t"]))
                     continue
                 check(name, pd.read_parquet(path))
             except ValueError as error:

@@ -19,4 +19,4 @@ __all__ = [
     "spindle",
     "synthesis",
     "wear",
-]  # fmt: skip
+]

@@ -12,4 +12,4 @@ __all__ = [
     "program_axes",
     "simulation",
     "spindle",
-]  # fmt: skip
+]

@@ -157,9 +157,7 @@ def local_lines(
     """
     h, slope, weight, middle = _regression(each)
     chip = h * (h / REFERENCE) ** -exponent[..., None]
-    edge = np.where(
-        growth[:, None] > 0, -np.expm1(-h / np.maximum(growth, 1e-12)[:, None]), 1.0
-    )  # fmt: skip
+    edge = np.where(growth[:, None] > 0, -np.expm1(-h / np.maximum(growth, 1e-12)[:, None]), 1.0)
     force = values[:, :3, None] * chip + values[:, 3:, None] * edge[:, None]
     k_c = force @ slope
     return np.concatenate([k_c, force @ weight - k_c * middle], axis=1)
@@ -168,10 +166,9 @@ def local_lines(
 def _regression(each: Sequence[CutConditions]) -> tuple[Floats, Floats, Floats, float]:
     """Chips h of cuts [m], weights of a force at each in K_c and in its mean, mean of h."""
     arcs = [_arc(one) for one in each]
-    h = np.concatenate([
-        np.maximum(one.f_z * np.sin(phi), 1e-12)
-        for one, (phi, _) in zip(each, arcs, strict=True)
-    ])  # fmt: skip
+    h = np.concatenate(
+        [np.maximum(one.f_z * np.sin(phi), 1e-12) for one, (phi, _) in zip(each, arcs, strict=True)]
+    )
     weight = np.concatenate([w / w.sum() for _, w in arcs]) / len(arcs)
     middle = float(weight @ h)
     return h, weight * (h - middle) / float(weight @ (h - middle) ** 2), weight, middle

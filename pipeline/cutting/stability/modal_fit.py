@@ -102,12 +102,10 @@ def fit_modes(parts: Sequence[FrequencyResponse]) -> ModalFit:
         )
     crossed = _cross(joined_responses(parts))
     return ModalFit(
-        modes=tuple(
-            _taken(mode, 1.0 + crossed) for part in direct for mode in part.modes
-        ),
+        modes=tuple(_taken(mode, 1.0 + crossed) for part in direct for mode in part.modes),
         error=max(crossed, *(part.error for part in direct)),
         caution="; ".join(part.caution for part in direct if part.caution),
-    )  # fmt: skip
+    )
 
 
 def _cross(response: FrequencyResponse) -> float:
@@ -215,7 +213,7 @@ def _modes(found: Floats, name: str) -> list[Mode]:
     return [
         Mode(direction=name, natural_frequency_Hz=f, damping=zeta, stiffness_N_m=1.0 / c)  # type: ignore[arg-type]
         for f, zeta, c in np.exp(found).tolist()
-    ]  # fmt: skip
+    ]
 
 
 def _sum(found: Floats, frequency: Floats) -> Complexes:
@@ -325,7 +323,7 @@ def _candidates(
 
 def _error(
     mode: Mode, found: Floats, frequency: Floats, measured: Complexes, weight: Floats
-) -> float:  # fmt: skip
+) -> float:
     """Relative error of a mode's peak [1]: from noise and from what noise does not explain."""
     rest = measured - _sum(found, frequency)
     # noise: standard deviation of the logarithm of the peak, from the curvature of the squares

@@ -323,9 +323,9 @@ def eigenvalues(matrix: Floats, response: Complexes) -> Complexes:
 
 @lru_cache(maxsize=KEPT)
 def _depths(modes: tuple[Mode, ...], cut: RegenerativeCut) -> tuple[float, float]:
-    frequency = np.concatenate([
-        mode.natural_frequency_Hz * (1.0 + mode.damping * (1.0 + _AROUND)) for mode in modes
-    ])  # fmt: skip
+    frequency = np.concatenate(
+        [mode.natural_frequency_Hz * (1.0 + mode.damping * (1.0 + _AROUND)) for mode in modes]
+    )
     receptance = modal_receptance(modes, frequency[frequency > 0.0])
     matrices = harmonic_matrices(cut, HARMONICS)
     most = float(eigenvalues(mean_matrix(cut), receptance).real.max())

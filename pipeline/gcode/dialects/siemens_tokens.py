@@ -33,9 +33,7 @@ R_PARAMETER = re.compile(r"r(\d{1,3})")
 """R0 to R999, which exist without a definition."""
 LONGEST = 512
 """Characters of a block without its comment."""
-COMPARED = {
-    "==": "ALIKE", "<>": "UNLIKE", "<": "BELOW", "<=": "ABOVE", ">": "ABOVE", ">=": "BELOW"
-}  # fmt: skip
+COMPARED = {"==": "ALIKE", "<>": "UNLIKE", "<": "BELOW", "<=": "ABOVE", ">": "ABOVE", ">=": "BELOW"}
 """Comparison as written -> in the tree."""
 NEGATED = frozenset({"<=", ">="})
 """Comparisons that are another one's contrary."""

@@ -76,7 +76,7 @@ def _rounds(
         speeds = decision.row_speeds
         fastest = block_feeds(
             BlockModel.alone(problem, "time"), problem.editable.block, speeds[None]
-        )  # fmt: skip
+        )
         model = BlockModel.planned(problem, objective, fastest.feeds[0], speeds)
 
 
@@ -90,9 +90,7 @@ def _solved(model: BlockModel, grouping: Grouping, whole: float) -> Decision:
     row_speeds = spread(speeds, stretches.stretch, moves.speed)
     whole = min(whole, _of_blocks(model, row_speeds))
     feed, feeds = feed_groups(model, grouping, stretches.stretch, row_speeds, whole)
-    groups = Groups(
-        feed=feed, speed=stretches.stretch, own_feed=moves.feed, own_speed=moves.speed
-    )  # fmt: skip
+    groups = Groups(feed=feed, speed=stretches.stretch, own_feed=moves.feed, own_speed=moves.speed)
     return Decision(groups=groups, feeds=feeds, speeds=speeds)
 
 
@@ -224,9 +222,7 @@ def _values(
     alone = replace(pieces, tool_run=np.arange(len(pieces)))  # each with speeds of its own
     out += _of_stretches(start_prices(model, alone, grid), stretches, speeds)
     for before, after, rest, lead in changes:
-        price = change_price(
-            model, speeds[:, before], speeds[:, after], rest=rest, lead=lead
-        )  # fmt: skip
+        price = change_price(model, speeds[:, before], speeds[:, after], rest=rest, lead=lead)
         out[:, before] += price
         out[:, after] += price
     return out

@@ -47,7 +47,7 @@ class Curves:
 
 def feed_groups(
     model: BlockModel, grouping: Grouping, stretch: Rows, speeds: Floats, whole: float
-) -> tuple[Rows, Floats]:  # fmt: skip
+) -> tuple[Rows, Floats]:
     """Groups of F, (M,), -1 where F is kept, and the best F (G,) of each in the units of ``Moves``.
 
     ``stretch`` (M,): stretch of S of each row; a group lies in one; ``speeds`` (M,): S of each row
@@ -97,10 +97,10 @@ def _joint(moves: Moves, code: Rows, problem: Problem) -> Bools:
     rows = np.flatnonzero(block >= 0)
     pairs = np.unique(np.stack([block[rows], code[rows]]), axis=1)
     codes = np.split(pairs[1], np.flatnonzero(np.diff(pairs[0])) + 1)
-    alike = np.array([
-        len(one) == len(other) and bool((one == other).all())
-        for one, other in pairwise(codes)
-    ], dtype=bool)  # fmt: skip
+    alike = np.array(
+        [len(one) == len(other) and bool((one == other).all()) for one, other in pairwise(codes)],
+        dtype=bool,
+    )
     fed = np.isin(problem.cut.plan.path.motion, (Motion.CUTTING, Motion.PER_TURN))
     held = fed & (block < 0)
     in_file = held & (moves.file == moves.file[rows[0]])
@@ -195,9 +195,7 @@ class _Merger:
         saved = 0 if left.kept and right.kept and not joined.kept else 1
         if loss <= self._gain * saved + ROUNDING * joined.value:
             return True
-        return any(
-            one.time < self._least_time and loss <= one.value for one in (left, right)
-        )  # fmt: skip
+        return any(one.time < self._least_time and loss <= one.value for one in (left, right))
 
     def _merge(self, one: int, other: int) -> None:
         left, right = self._groups[one], self._groups[other]
@@ -232,7 +230,7 @@ class _Merger:
     def _best(self, group: _Group) -> tuple[float, float]:
         best = min(
             ((self._at(group.values, feed), -feed) for feed in (group.high, group.low)),
-        )  # fmt: skip
+        )
         value, feed = best[0], -best[1]
         first = bisect_right(self._inverse, -1.0 / group.low)
         last = bisect_right(self._inverse, -1.0 / group.high)

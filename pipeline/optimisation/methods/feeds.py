@@ -132,9 +132,7 @@ class BlockModel:
         return cls(problem=problem, objective=objective, reach=cap, excess=np.zeros(len(cap)))
 
     @classmethod
-    def planned(
-        cls, problem: Problem, objective: Objective, feeds: Floats, speeds: Floats
-    ) -> Self:  # fmt: skip
+    def planned(cls, problem: Problem, objective: Objective, feeds: Floats, speeds: Floats) -> Self:
         """Each row as the control runs it at F and S of rows, both of shape (M,)."""
         path = problem.cut.plan.path
         planned = plan(path, feeds=feeds, speeds=speeds)
@@ -247,9 +245,7 @@ def _solved(model: BlockModel, group: Rows, speeds: Floats) -> BlockFeeds:
     )
 
 
-def _lowest(
-    values: Callable[[Floats, Rows | slice], Floats], low: Floats, high: Floats
-) -> Floats:  # fmt: skip
+def _lowest(values: Callable[[Floats, Rows | slice], Floats], low: Floats, high: Floats) -> Floats:
     """Feeds from ``low`` to ``high`` of the least values; shapes (P, U)."""
     every = slice(None)
     inside = np.maximum(high * (1 - STEP), low)

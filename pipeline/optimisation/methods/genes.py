@@ -82,9 +82,7 @@ class BoundedGenes:
             share = np.log(feeds / low) / np.log(high / low)
         share = np.clip(np.where(wide & np.isfinite(share), share, 1.0), 0.0, 1.0)
         many = self.groups.feeds
-        return np.concatenate(
-            [share, np.clip(speeds, self.low[many:], self.high[many:])], axis=1
-        )  # fmt: skip
+        return np.concatenate([share, np.clip(speeds, self.low[many:], self.high[many:])], axis=1)
 
 
 class WordGenes:
@@ -162,9 +160,7 @@ def group_bounds(problem: Problem, groups: Groups, speeds: Floats) -> tuple[Floa
     In the units of ``Moves``; the least is above the greatest where no F keeps the limits.
     """
     rows = groups.row_speeds(speeds)
-    least, most = common_bounds(
-        problem, RowGroups(groups.feed), *feed_bounds(problem, rows), rows
-    )  # fmt: skip
+    least, most = common_bounds(problem, RowGroups(groups.feed), *feed_bounds(problem, rows), rows)
     return np.maximum(least, LEAST * most), most
 
 

@@ -286,9 +286,7 @@ def _joint(starts: Sequence[Decision], one: Decision) -> Decision:
     first = starts[0].groups
     feed = _refined([s.groups.feed for s in starts], [s.row_feeds for s in starts])
     speed = _refined([s.groups.speed for s in starts], [s.row_speeds for s in starts])
-    groups = Groups(
-        feed=feed, speed=speed, own_feed=first.own_feed, own_speed=first.own_speed
-    )  # fmt: skip
+    groups = Groups(feed=feed, speed=speed, own_feed=first.own_feed, own_speed=first.own_speed)
     return Decision(
         groups=groups, feeds=one.row_feeds[first_rows(feed)],
         speeds=one.row_speeds[first_rows(speed)],

@@ -285,14 +285,10 @@ def _no_speed(problem: Problem, pieces: Pieces, grid: Floats, row: int) -> str:
             f"{place}: F {moves.feed[row]:g} cannot be changed there, and {span} keeps the limits "
             "with it: lower it in the program"
         )
-    return (
-        f"{place}: {span} has an F that keeps the limits: widen them, or take another tool"
-    )  # fmt: skip
+    return f"{place}: {span} has an F that keeps the limits: widen them, or take another tool"
 
 
-def _chosen(
-    model: BlockModel, pieces: Pieces, grid: Floats, values: Floats, words: Floats
-) -> Rows:  # fmt: skip
+def _chosen(model: BlockModel, pieces: Pieces, grid: Floats, values: Floats, words: Floats) -> Rows:
     """Index of each piece's speed in the grid of its run; shape (A,)."""
     values = _shared(values, pieces.key)
     first = _paths(model, pieces, grid, values, words)
@@ -317,9 +313,7 @@ def _shared(values: Floats, key: Rows) -> Floats:
     return total[index] / many[index, None]
 
 
-def _paths(
-    model: BlockModel, pieces: Pieces, grid: Floats, values: Floats, words: Floats
-) -> Rows:  # fmt: skip
+def _paths(model: BlockModel, pieces: Pieces, grid: Floats, values: Floats, words: Floats) -> Rows:
     chosen = np.zeros(len(pieces), dtype=np.intp)
     for tool_run, speeds in enumerate(grid):
         mine = np.flatnonzero(pieces.tool_run == tool_run)

@@ -183,7 +183,7 @@ def with_load(problem: Problem, f_z_load: Floats) -> Problem:
     """Same problem, lobes included, with another bound of the load, see :func:`problem_of`."""
     bounds = bounds_of(
         problem.cut, problem.blocks, problem.limits, problem.editable, f_z_load, problem.practice
-    )  # fmt: skip
+    )
     other = replace(problem, bounds=bounds, demand=problem.demand.with_bounds(bounds))
     _check(other, load_limited=True)
     return other

@@ -308,9 +308,7 @@ def _descends_in_air(cut: Cut) -> Bools:
     return (fall > 0) & (fall >= STEEP * moves.length) & (cut.tool < 0)
 
 
-def _feeds(
-    cut: Cut, limits: CutLimit, editable: Editable, unknown: Bools
-) -> tuple[Floats, Floats]:  # fmt: skip
+def _feeds(cut: Cut, limits: CutLimit, editable: Editable, unknown: Bools) -> tuple[Floats, Floats]:
     moves, free = cut.plan.path.moves, editable.block >= 0
     own = feeds_per_minute(cut, moves.feed, cut.plan.spindle_speed)
     low = LEAST_FEED * float(own[free].min(initial=np.inf)) if free.any() else 0.0

@@ -50,9 +50,7 @@ def allowed_torque(spindle_speed: Floats, drive: SpindleDrive, limits: CutLimit)
     cutting = allowed_power(spindle_speed, drive, limits) * drive.efficiency - no_load_power(
         n, drive
     )
-    return np.divide(
-        cutting, 2 * np.pi * n, out=np.full(n.shape, -np.inf), where=n > 0
-    )  # fmt: skip
+    return np.divide(cutting, 2 * np.pi * n, out=np.full(n.shape, -np.inf), where=n > 0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -258,6 +256,4 @@ def _deepest(table: StabilityTable) -> StabilityTable:
     first = np.ones(len(order), dtype=np.bool_)
     first[1:] = (np.diff(block) != 0) | (np.diff(kind) != 0)
     kept = order[first]
-    return replace(
-        table, kind=table.kind[kept], block=table.block[kept], depth=table.depth[kept]
-    )  # fmt: skip
+    return replace(table, kind=table.kind[kept], block=table.block[kept], depth=table.depth[kept])

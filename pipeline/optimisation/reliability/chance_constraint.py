@@ -185,7 +185,7 @@ def _near(cut: Cut, f_z: Floats, loads_N: Floats) -> NDArray[np.intp]:
 
 def _feed_nodes(
     cut: Cut, candidates: Critical, limits_N: Floats, reach: Floats, draws: Draws, level: float
-) -> Floats:  # fmt: skip
+) -> Floats:
     """Feeds at which to compute each class for levels from ``level`` on, of few draws."""
     greatest = np.full(candidates.classes, LEAST)
     np.maximum.at(greatest, candidates.group, reach)

@@ -357,9 +357,7 @@ def _with_wear(drawn: ToolUncertainty, given: ToolCoefficients) -> ToolUncertain
         return drawn
     mean, spread = drawn.mean.copy(), np.zeros(len(COEFFICIENTS))
     described = []
-    for name, added, half in (
-        ("K_te", land.K_te, land.half_te), ("K_re", land.K_re, land.half_re)
-    ):  # fmt: skip
+    for name, added, half in (("K_te", land.K_te, land.half_te), ("K_re", land.K_re, land.half_re)):
         k = COEFFICIENTS.index(name)
         mean[k], spread[k] = mean[k] + added, half / NORMAL
         described.append(UncertainQuantity(

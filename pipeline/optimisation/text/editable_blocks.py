@@ -171,9 +171,7 @@ class ModalWords:
         """
         values: dict[int, float] = {}
         known, value = True, 0.0
-        columns = (
-            self.line, self.own, wanted, self.sets, may, self._loose_before(), self.optional
-        )  # fmt: skip
+        columns = (self.line, self.own, wanted, self.sets, may, self._loose_before(), self.optional)
         for line, own, want, sets, writes, loose, optional in zip(
             *(column.tolist() for column in columns), strict=True
         ):

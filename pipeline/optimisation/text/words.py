@@ -323,7 +323,7 @@ class FeedWords:
         self._factor = np.where(by_time, 1.0, self.length)
         self.code = np.select(
             [by_time, moves.feed_mode == FeedMode.PER_REVOLUTION], [4, 1], 0
-        ) + np.where((self.length != 1.0) & ~by_time, 2, 0)  # fmt: skip
+        ) + np.where((self.length != 1.0) & ~by_time, 2, 0)
 
     def unit(self, row: int) -> FeedUnit:
         """Unit of the F of a row."""

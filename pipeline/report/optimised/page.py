@@ -229,10 +229,9 @@ def _front(part: OptimisedPart, keys: tuple[str, str], sources: list[Source]) ->
 
 def _proof_section(part: OptimisedPart, sources: list[Source]) -> Section:
     pairs = [
-        (sentence(row.reason),
-         f"{counted(row.rows, 'move')}, the first in {row.first}.")
+        (sentence(row.reason), f"{counted(row.rows, 'move')}, the first in {row.first}.")
         for row in part.held
-    ]  # fmt: skip
+    ]
     return Section(
         key="proof", title="What was changed", text=_proof_text(part), pairs=pairs,
         blocks=present(tables.proof_table(part, sources)),

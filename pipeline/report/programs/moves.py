@@ -292,9 +292,9 @@ def map_figure(moves: ProgramMoves, classes: Classes, label: str) -> Markup:
     cut = pieces(moves, 0.3 * float(shown.span[0]) / MAP_UNITS)
     kind = np.where(moves.cutting, classes.of(moves.reached), UNKNOWN)
     drawn = PathMap(cut=cut, moves=moves, kind=kind, classes=classes, shown=shown)
-    return svg.group([
-        panel(shown, axes, drawn.strokes(axes), f"{words}: {label}") for axes, words in VIEWS
-    ])  # fmt: skip
+    return svg.group(
+        [panel(shown, axes, drawn.strokes(axes), f"{words}: {label}") for axes, words in VIEWS]
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

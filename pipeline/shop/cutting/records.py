@@ -253,9 +253,9 @@ PAUSE = 900.0
 def linear_edge(cutting: Cutting, conditions: list[Conditions], VB: float) -> dict[str, float]:
     """Coefficients of the straight line: cutting [N/mm2], edge [N/mm]; ``VB`` [m]."""
     tool, edge = cutting.tool, edge_coefficients(cutting.workpiece, VB)
-    h = np.concatenate([
-        c.feed_per_tooth(tool.flutes) * 1e-3 * np.sin(_engagement(c, cutting)) for c in conditions
-    ])  # fmt: skip
+    h = np.concatenate(
+        [c.feed_per_tooth(tool.flutes) * 1e-3 * np.sin(_engagement(c, cutting)) for c in conditions]
+    )
     sharpness = float(np.mean(tool.sharpness))
     forces = np.array([edge_force(edge, thick, sharpness) for thick in h.tolist()])
     line = np.stack([h, np.ones(h.size)], axis=1)

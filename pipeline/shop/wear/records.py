@@ -318,9 +318,7 @@ def _life(
     files = []
     start = parameters.start + np.timedelta64(DAY * (parameters.days + number) + 8 * 3600, "s")
     for k, minutes in enumerate(life.times.tolist()):
-        lost = (
-            number == 0 and 0 <= k + 1 - wear.sensors.lost_from < wear.sensors.lost_count
-        )  # fmt: skip
+        lost = number == 0 and 0 <= k + 1 - wear.sensors.lost_from < wear.sensors.lost_count
         name = f"wear/{plan.tool}_{k + 1:03d}.parquet"
         cut, values = _values(wear, life, mounting, k, random)
         if lost:

@@ -371,8 +371,7 @@ def _copy(buf: Any, start: int, stop: int, row: int, state: Any, rows: Any, offs
 
 
 @compiled
-def _code(buf: Any, start: int, stop: int, state: Any, slots: Any, offsets: Any,
-          words: Any) -> int:  # fmt: skip
+def _code(buf: Any, start: int, stop: int, state: Any, slots: Any, offsets: Any, words: Any) -> int:
     """Code of a text, taken in when it is new, or -2 when the table is full."""
     code, slot = find(buf, start, stop, slots, offsets, words)
     if code < 0:

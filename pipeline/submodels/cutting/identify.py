@@ -125,7 +125,7 @@ def identify_cutting_force(
     serving, fits, with_residual = min(  # the one that errs least on recordings left out
         candidates,
         key=lambda one: left_out_error(cuts, one[1], with_residual=one[2]) if one[1] else 0.0,
-    )  # fmt: skip
+    )
     folds = [
         model_of(fold.fit, with_residual=with_residual, spread=spread_of(fold.fit, line, shape))
         for fold, line, shape in zip(fits, not_sharp.lines_elsewhere, not_sharp.shapes, strict=True)

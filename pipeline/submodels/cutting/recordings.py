@@ -116,9 +116,7 @@ def read_recordings(
     return mapped(whole, blanks, compute="threads")
 
 
-def _unread(
-    file: Recording, records: CuttingRecords, tool: Tool, role: Role
-) -> CuttingRecording:  # fmt: skip
+def _unread(file: Recording, records: CuttingRecords, tool: Tool, role: Role) -> CuttingRecording:
     """A recording before its forces are read: role and conditions, or why it is left out."""
     left_out = (why for of, why in records.left_out.items() if fnmatchcase(file.name, of))
     reason = next(left_out, "" if file.conditions else file.reason)

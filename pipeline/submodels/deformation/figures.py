@@ -185,9 +185,9 @@ class GrowthFacts:
     def cost(self) -> tuple[float, float] | None:
         """Largest error with faulty sensors as they are, and with them replaced [um]."""
         verdict = self.shown.verdict
-        cases = [] if verdict is None else [
-            c for c in verdict.cases if c.role == verdict.judged_role
-        ]  # fmt: skip
+        cases = (
+            [] if verdict is None else [c for c in verdict.cases if c.role == verdict.judged_role]
+        )
         as_is = [_number(c.facts[AS_IS].value) for c in cases if AS_IS in c.facts]
         replaced = [_number(c.facts[REPLACED].value) for c in cases if REPLACED in c.facts]
         return (max(as_is), max(replaced)) if as_is and replaced else None

@@ -282,7 +282,7 @@ class _Law:
                 round(one.delay / period), one.factor.value * entering[entry][1][:, fitted]
             )
             for entry, one in before.items()
-        }  # fmt: skip
+        }
         found = entry_fits(
             own, nuisance, scaled, columns, period=period, step=0.25 / self.bandwidth,
             weight=0.25, stretch=self.equation.stretch,

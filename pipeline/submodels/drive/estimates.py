@@ -101,7 +101,7 @@ BY_SIGN = "not determined: force and motion have opposite signs"
 _SLOW = (
     "record strokes of constant speed from a tenth of the Stribeck velocity (0.1 to 1 mm/s) "
     "upward, each as long as a turn of the screw or more"
-)  # fmt: skip
+)
 BY_LOAD = "a recorded load against the command that carries it"
 LOAD_FACTOR = "force of the motor for one unit of the recorded load"
 REMEDY = {

@@ -130,9 +130,7 @@ def _trained(task: _Task) -> tuple[Mapping[str, Any], Floats]:
 
 def _all_trained(tasks: Sequence[_Task]) -> list[tuple[Mapping[str, Any], Floats]]:
     """Result of each task, on all cores where that is worth it."""
-    steps = sum(
-        one.training.steps(len(one.windows.y)) for one in tasks if one.kind != ARX
-    )  # fmt: skip
+    steps = sum(one.training.steps(len(one.windows.y)) for one in tasks if one.kind != ARX)
     return mapped(_trained, tasks, compute=place(steps))
 
 
@@ -254,7 +252,7 @@ def _score(errors: Sequence[Floats]) -> KindScore:
         rmse_um=significant(UM * np.sqrt(np.mean(every**2)), 5),
         max_um=significant(UM * np.abs(every).max(), 5),
         spread_um=significant(UM * np.std(each), 5),
-    )  # fmt: skip
+    )
 
 
 def enough(
@@ -353,9 +351,9 @@ def leak_shown(
     part = sampled(leaky, told, PREDICTION, settings, allow_leaks=True)
     folds = _folds(part, settings)
     done = _all_trained([replace(task, kind=kind) for task, _ in folds])
-    score = _score([
-        part.windows.y[left] - got for (_, left), (_, got) in zip(folds, done, strict=True)
-    ])  # fmt: skip
+    score = _score(
+        [part.windows.y[left] - got for (_, left), (_, got) in zip(folds, done, strict=True)]
+    )
     return LeakShown(
         axis=letter, kind=kind, inputs=part.windows.leaks, rmse_um=score.rmse_um,
         honest_um=honest.rmse_um, max_um=score.max_um, honest_max_um=honest.max_um,

@@ -52,11 +52,10 @@ class ErrorChannels(Ranged, section="following_residual_records.axes"):
         """Named channels, lengths as such."""
         named = {name: getattr(self, name) for name in (*MOTION, "command")}
         return {
-            name: replace(one, quantity="position")
-            if name in MOTION and not one.quantity else one
+            name: replace(one, quantity="position") if name in MOTION and not one.quantity else one
             for name, one in named.items()
             if one is not None
-        }  # fmt: skip
+        }
 
 
 @dataclass(frozen=True, kw_only=True)

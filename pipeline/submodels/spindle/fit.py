@@ -235,7 +235,7 @@ class Problem:
             for p, h, a, c, t in zip(
                 self.pieces, self.heat, self.surrounds, self.coolants, self.measured, strict=True
             )
-        ]  # fmt: skip
+        ]
 
     def residuals(self, x: Floats) -> Floats:
         """Modelled minus measured temperature [K] where there is one, shape (N,)."""

@@ -147,6 +147,5 @@ def _spinning(shown: Seen, day: str) -> list[Strip]:
         many = np.bincount(place[good], minlength=place.max() + 1)
         mean = np.where(many > 0, sums / np.maximum(many, 1), np.nan)
         hours = (np.arange(len(mean)) + 0.5) * BIN_S / 3600
-        strips.append(Strip(head=head, height=height, zero=True,
-                            curves=[("speed", hours, mean)]))  # fmt: skip
+        strips.append(Strip(head=head, height=height, zero=True, curves=[("speed", hours, mean)]))
     return strips

@@ -188,7 +188,7 @@ def _distances(pair: _Pair) -> list[pd.DataFrame]:
             quantity, "1", t, measured=distance(pair.real), predicted=distance(pair.fake)
         ).assign(**pair.again(lambda _, fake, *rest, distance=distance: distance(fake)))
         for quantity, distance in ((SPREAD, apart), (COPY, nearest))
-    ]  # fmt: skip
+    ]
 
 
 def _neighbour(pair: _Pair) -> Any:

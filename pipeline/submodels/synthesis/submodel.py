@@ -129,14 +129,14 @@ class SynthesisOfSignals(SubModel[Fitting, Judging, SynthesisModel]):
             roles = [role(one.name, one.file) for one in life.files]
             cases.append(
                 Case(
-                    name=life.tool, group=life.tool, role=_role(roles),
+                    name=life.tool,
+                    group=life.tool,
+                    role=_role(roles),
                     load=_constant(Life(windows=life.windows, wear=records.wear)),
                     conditions=_conditions(life),
-                    files=tuple(
-                        SourceFile(file=one.file, sha256=one.sha256) for one in life.files
-                    ),
+                    files=tuple(SourceFile(file=one.file, sha256=one.sha256) for one in life.files),
                 )
-            )  # fmt: skip
+            )
         left_out = tuple(LeftOut(case=n, reason=why) for n, why in found.left_out.items())
         return Cases(cases=tuple(cases), left_out=left_out)
 
@@ -209,9 +209,7 @@ class SynthesisOfSignals(SubModel[Fitting, Judging, SynthesisModel]):
             names = [name for name in table.columns if name != "seed"]
             made = served.gan.sample({name: table[name].to_numpy() for name in names}, seed=seed)
             many, length = made.shape[0], made.shape[2]
-            columns = {
-                name: made[:, k].ravel() for k, name in enumerate(served.gan.channels)
-            }  # fmt: skip
+            columns = {name: made[:, k].ravel() for k, name in enumerate(served.gan.channels)}
             return pd.DataFrame(
                 {
                     "window": np.repeat(np.arange(many), length),

@@ -183,7 +183,7 @@ DUE: tuple[Column[DueTool], ...] = (
     Column("lasts another", lambda one: f"{_minutes(one.left[1])} ({_span(one.left)})"),
     Column("by", lambda one: one.rests_on),
     Column("what to do", lambda one: Cell(text=one.todo, status=one.status)),
-)  # fmt: skip
+)
 
 
 def _held_words(shown: Shown[WearModel]) -> str:

@@ -60,9 +60,9 @@ def _thickness(
     steep = _steepness(engagement, tools)
     chip = np.where(ahead, np.sin(engagement.angles) * steep, 0.0).max(axis=1, initial=0.0)
     chip *= np.array([np.sin(tool.cutting_edge_angle) for tool in tools])[engagement.tool]
-    point = np.array([
-        np.sin(tool.point_angle / 2) if tool.kind == "drill" else 1.0 for tool in tools
-    ])[engagement.tool]  # fmt: skip
+    point = np.array(
+        [np.sin(tool.point_angle / 2) if tool.kind == "drill" else 1.0 for tool in tools]
+    )[engagement.tool]
     return np.where(plunge, point, chip)
 
 

@@ -207,9 +207,7 @@ def nothing_cut_message(moves: Moves, left_out: Sequence[LeftOutMoves]) -> str:
     return f"{moves.files[0]}: no move cuts{reason}: nothing is in the material"
 
 
-def _not_computed(
-    moves: Moves, moving: Bools, cutting: Bools
-) -> tuple[Bools, list[LeftOutMoves]]:  # fmt: skip
+def _not_computed(moves: Moves, moving: Bools, cutting: Bools) -> tuple[Bools, list[LeftOutMoves]]:
     """Rows that are left out, shape (M,), and the reasons."""
     milling: Bools = cutting & ~moves.constant_surface_speed
     upright = moves.end[np.argmax(milling), 3:] if milling.any() else moves.origin[3:]

@@ -89,7 +89,7 @@ def table_of(
     milled = replace(milled, feed_direction=milled.feed_direction + rotation)
     force_laws = tuple(
         linearised(law, _chip(blocks, tool)) for tool, law in enumerate(cut.force_laws)
-    )  # fmt: skip
+    )
     nodes = np.unique(turning) if nodes_rpm is None else nodes_rpm
     return stability_table(milled, tips, force_laws, cut.tools, nodes_rpm=nodes, most=most), milled
 

@@ -115,9 +115,7 @@ def electricity(
 ) -> Energy:
     """Electricity of each row [kWh]; arrays of shape (M,)."""
     plan, moves = cut.plan, cut.plan.path.moves
-    share = np.divide(
-        plan.motion.time, plan.time, out=np.zeros(len(moves)), where=plan.time > 0
-    )  # fmt: skip
+    share = np.divide(plan.motion.time, plan.time, out=np.zeros(len(moves)), where=plan.time > 0)
     cutting = np.zeros(len(moves))
     busy = np.divide(
         blocks.seconds, plan.time[blocks.row], out=np.zeros(len(blocks)),
@@ -363,17 +361,13 @@ def stations_of_columns(low: Rows, high: Rows) -> tuple[Rows, Rows]:
     return station, low[station] + inside
 
 
-def _column(
-    function: np.ufunc, values: Floats, place: Rows, columns: int
-) -> Curve:  # fmt: skip
+def _column(function: np.ufunc, values: Floats, place: Rows, columns: int) -> Curve:
     out = np.full(columns, np.inf if function is np.minimum else -np.inf)
     function.at(out, place, values)
     return tuple(figure(v, 4) for v in out.tolist())
 
 
-def _tools(
-    cut: Cut, begin: Floats, total: float
-) -> tuple[tuple[int, float, float], ...]:  # fmt: skip
+def _tools(cut: Cut, begin: Floats, total: float) -> tuple[tuple[int, float, float], ...]:
     tool = cut.plan.path.moves.tool
     edges = np.flatnonzero(np.diff(tool, prepend=tool[0] - 1 if len(tool) else 0))
     ends = [*(begin[edges[1:]] / total).tolist(), 1.0]

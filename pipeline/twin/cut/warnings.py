@@ -146,9 +146,9 @@ def _damped(
     if dynamics is None:
         return None
     tips = dynamics.of(cut.numbers)
-    slowest = np.array([
-        min((mode.natural_frequency_Hz for mode in tip or ()), default=0.0) for tip in tips
-    ])[blocks.tool]  # fmt: skip
+    slowest = np.array(
+        [min((mode.natural_frequency_Hz for mode in tip or ()), default=0.0) for tip in tips]
+    )[blocks.tool]
     radius = np.array([tool.radius for tool in cut.tools])[blocks.tool]
     speed = 2 * np.pi * radius * blocks.spindle_speed / 60
     wave = np.divide(speed, slowest, out=np.full(len(speed), np.inf), where=slowest > 0)

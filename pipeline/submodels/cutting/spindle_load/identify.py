@@ -197,9 +197,7 @@ def _joined(parts: Iterable[Levels]) -> Levels:
     })  # fmt: skip
 
 
-def _identified(
-    levels: Levels, reasons: list[str]
-) -> tuple[NoLoad | None, SpecificForce | None]:  # fmt: skip
+def _identified(levels: Levels, reasons: list[str]) -> tuple[NoLoad | None, SpecificForce | None]:
     """Results of the levels; adds to ``reasons`` why one is missing."""
     idle = None
     try:

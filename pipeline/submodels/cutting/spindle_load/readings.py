@@ -324,9 +324,7 @@ def cut_log(log: Readings, lines: Lines, *, settle_s: float, name: str, program:
     )  # fmt: skip
 
 
-def unused_lines(
-    log: Readings, lines: Lines, labelled: LoadLog, shortest_s: float
-) -> list[int]:  # fmt: skip
+def unused_lines(log: Readings, lines: Lines, labelled: LoadLog, shortest_s: float) -> list[int]:
     """Lines of constant engagement in the log of which no reading is used.
 
     They ran otherwise than programmed, or at one feed for less than ``shortest_s`` [s].
@@ -353,7 +351,7 @@ def _line_runs(log: Readings, lines: Lines) -> _LineRuns:
 
 def _check_program(
     log: Readings, lines: Lines, line_runs: _LineRuns, name: str, program: str
-) -> None:  # fmt: skip
+) -> None:
     highest = int(log.line.max())
     if highest >= len(lines.length):
         raise ValueError(
