@@ -422,9 +422,7 @@ def test_tools_whose_holder_is_not_listed_are_said(project: Path) -> None:
     done = kerf(project, "preflight", "part.nc", *CUT[:6], *CUT[8:])
     assert done.exit_code == 0 and f"not checked: {words}" in done.stdout
     assert words in kerf(project, "simulate", "part.nc", *CUT).stdout
-    assert "not checked: shank and holder" in kerf(
-        project, "preflight", "part.nc", *CUT[:2]
-    ).stdout  # fmt: skip
+    assert "not checked: shank and holder" in kerf(project, "preflight", "part.nc", *CUT[:2]).stdout
     assert "--tool-table is missing" in refused(project, "preflight", "part.nc", *CUT[:4])
 
 

@@ -102,8 +102,7 @@ def test_inch_programs_and_offsets_end_in_machine_millimetres(project: Path) -> 
 
 
 def test_simulate_says_how_long_and_writes_what_is_asked(project: Path) -> None:
-    done = kerf(project, *SIMULATE, "--json", "times.json",
-                "--out", "trace.parquet")  # fmt: skip
+    done = kerf(project, *SIMULATE, "--json", "times.json", "--out", "trace.parquet")
     assert done.exit_code == 0 and "as in conf/machine/hurco.yaml" in done.stdout
     document = json.loads((project / "times.json").read_text())
     blocks = document["blocks"]

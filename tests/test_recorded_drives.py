@@ -20,11 +20,9 @@ from tests.small_project import ROOT, change, inside, leave, with_conf
 
 RECORDINGS = os.environ.get("KERF_RECORDINGS")
 pytestmark = [
-    pytest.mark.skipif(
-        not RECORDINGS, reason="KERF_RECORDINGS names no folder of real recordings"
-    ),
+    pytest.mark.skipif(not RECORDINGS, reason="KERF_RECORDINGS names no folder of real recordings"),
     pytest.mark.slow,
-]  # fmt: skip
+]
 MACHINES = ("emps", "umich_mill")
 
 

@@ -62,7 +62,7 @@ def test_the_windows_are_those_of_the_model(project: Path) -> None:
     made = served.gan.sample(
         {"wear": np.full(3, 120.0), "feed": np.full(3, 300.0), "cut_type": np.full(3, "slot")},
         seed=5,
-    )  # fmt: skip
+    )
     assert np.array_equal(frame["force"].to_numpy(), made[:, 0].ravel())
 
 

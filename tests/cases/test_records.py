@@ -38,9 +38,7 @@ ITEM = '<DataItem id="{id}" name="{name}" category="{category}" type="{type}"/>'
 
 
 def device(label: str, *items: tuple[str, str, str, str]) -> str:
-    inside = "".join(
-        ITEM.format(id=i, name=n, category=c, type=t) for i, n, c, t in items
-    )  # fmt: skip
+    inside = "".join(ITEM.format(id=i, name=n, category=c, type=t) for i, n, c, t in items)
     return (
         f'<Device id="{label}_d" name="{label}" uuid="{label}_u"><DataItems>{inside}'
         "</DataItems></Device>"

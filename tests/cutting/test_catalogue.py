@@ -40,9 +40,7 @@ def of_size(tool: Tool, diameter: float) -> Tool:
     return replace(tool, diameter_mm=diameter)
 
 
-def inside(
-    result: CuttingRange, feed: tuple[float, float], speed: tuple[float, float]
-) -> bool:  # fmt: skip
+def inside(result: CuttingRange, feed: tuple[float, float], speed: tuple[float, float]) -> bool:
     """Whether both ranges are known and lie within others [mm], [m/min]."""
     f_z, v_c = result.feed_per_tooth_mm, result.cutting_speed_m_min
     return (

@@ -126,9 +126,7 @@ def main() -> None:
     parser.add_argument("--crashes", type=Path, default=Path(tempfile.gettempdir()) / "kerf-fuzz")
     asked = parser.parse_args()
     if asked.reader:
-        fuzz(
-            asked.reader, asked.runs, seed=asked.seed, limit=asked.limit, crashes=asked.crashes
-        )  # fmt: skip
+        fuzz(asked.reader, asked.runs, seed=asked.seed, limit=asked.limit, crashes=asked.crashes)
     broken = 0
     for name in READERS:
         start = perf_counter()

@@ -231,7 +231,7 @@ REFUSED = [
     ("circle", [line(-9, 0), arc(0j, 2j, math.tau, 1)], 1, "radius of 2 mm is not greater"),
     ("narrow slot", through(-9, 0, 20, 20 + 3j, 3j), 2, "run backwards"),
     ("acute", through(-90, 0, 10, 1j, -30 + 5j), 1, "run backwards"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("dialect", RULES)

@@ -143,7 +143,7 @@ RULES = {
     "dwell in seconds": "G4 P1.5\nG0 X1",
     "G38 ends at its target": "F9 G38.2 Z-5\nG0 Z1",
     "G93 feeds": "G93 G1 X1 F2\nX2 F3\nG94 F9 X3",
-}  # fmt: skip
+}
 """Rule -> the program that tells whether it is kept."""
 
 

@@ -68,9 +68,9 @@ def program(rng):
     return "\n".join([*lines, "TRANS", "G0 Z100", "M30", ""])
 
 
-@pytest.mark.parametrize("seed", [*range(6), *(
-    pytest.param(seed, marks=pytest.mark.proof) for seed in range(6, 400)
-)])  # fmt: skip
+@pytest.mark.parametrize(
+    "seed", [*range(6), *(pytest.param(seed, marks=pytest.mark.proof) for seed in range(6, 400))]
+)
 def test_cycles_and_subprograms_follow_the_manual(seed, tmp_path):
     """Length at each feed, of threads at each pitch and speed, of rapids; dwells; every bottom."""
     text = program(np.random.default_rng(seed))

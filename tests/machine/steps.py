@@ -27,9 +27,7 @@ def speed_after(
     """Speed one step on under a held force, and friction's mean over the step."""
     row = np.zeros(len(DriveColumn))
     for first, side in ((10, friction.positive), (14, friction.negative)):
-        row[first : first + 4] = (
-            side.coulomb, side.static, side.stribeck_velocity, side.viscous
-        )  # fmt: skip
+        row[first : first + 4] = (side.coulomb, side.static, side.stribeck_velocity, side.viscous)
     v_next = _speed_after(float(v), period / mass * force, row, period / mass)
     return v_next, force - mass * (v_next - v) / period
 

@@ -136,9 +136,9 @@ def test_inverse_time_takes_its_time():
 
 
 def test_feed_per_revolution_follows_the_spindle():
-    writer = Writer().set(
-        feed=0.2, feed_mode=FeedMode.PER_REVOLUTION, speed=1500, direction=1
-    ).to(X=100)  # fmt: skip
+    writer = (
+        Writer().set(feed=0.2, feed_mode=FeedMode.PER_REVOLUTION, speed=1500, direction=1).to(X=100)
+    )
     path = limited_path(writer.moves, control())
     assert plan(path).total == pytest.approx(0.1 / 0.005 + 0.005 / 2, rel=EXACT)
     assert plan(path, speeds=[3000]).total == pytest.approx(0.1 / 0.01 + 0.01 / 2, rel=EXACT)

@@ -29,9 +29,7 @@ def mixed():
 def test_unfiltered_samples_lie_on_the_programmed_path(seeds):
     for seed in seeds:
         rng = np.random.default_rng(seed)
-        parameters = dataclasses.replace(
-            random_control(rng, corner="jump"), rapid_mode="linear"
-        )  # fmt: skip
+        parameters = dataclasses.replace(random_control(rng, corner="jump"), rapid_mode="linear")
         moves = random_moves(rng)
         sampled = trace(plan(limited_path(moves, parameters)), period=1e-3)
         # arcs: the end is given in mm, the angle by its arctangent
@@ -47,7 +45,7 @@ def test_row_and_distance_name_the_place():
     slope = (np.array([20.0, 2.0]) * 1e-3 - start) / 0.015
     assert sampled.programmed[straight, :2] == pytest.approx(
         start + slope * sampled.distance[straight, None], abs=1e-12
-    )  # fmt: skip
+    )
     assert (np.diff(along) >= 0).all()
     begins = np.concatenate([[0], np.cumsum(result.time)])
     expected = np.searchsorted(begins[1:-1], sampled.time, side="right")
@@ -113,7 +111,7 @@ def test_chunks_are_the_whole(samples):
 def test_trace_ends_with_the_sum_of_the_row_times(profile, rapid_mode):
     result = planned(
         mixed(), profile=profile, rapid_mode=rapid_mode, limits={"jerk": 40000}, **FILTERS
-    )  # fmt: skip
+    )
     sampled = trace(result, period=1e-4)
     last = np.flatnonzero(np.abs(sampled.position - sampled.position[-1]).max(axis=1) > 1e-12)[-1]
     # filtered motion dies out as the fourth power of the time left or faster: within 2 ms 1 pm

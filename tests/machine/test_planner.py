@@ -82,7 +82,7 @@ def test_times_are_those_of_a_simple_simulator(seed):
     points = polyline(rng)
     parameters = dataclasses.replace(
         random_control(rng, corner="jump", filters=False), rapid_mode="linear"
-    )  # fmt: skip
+    )
     limits = bounds(parameters, rapid=False)
     arc = np.array([parameters.axes[i].arc_acceleration for i in "XYZ"]) * 1e-3
     along = dataclasses.replace(limits, acceleration=limits.acceleration - arc)

@@ -201,7 +201,7 @@ def test_torch_is_left_as_it_was() -> None:
         ({"x": DATA.x[:, :2]}, "on 2 sensors and 3 consequent inputs"),
         ({name: getattr(DATA, name)[:0] for name in DATA._fields}, "no samples"),
     ],
-)  # fmt: skip
+)
 def test_samples_that_nothing_can_be_learnt_from_are_refused(change: dict, said: str) -> None:
     with pytest.raises(ValueError, match=said):
         trained(FuzzyFilteredSettings(), "projection", DATA._replace(**change))

@@ -124,7 +124,7 @@ def test_the_best_three_are_trained_in_full_by_the_same_recordings(small: Tuned)
     values = [
         (one.settings.seed, one.settings.learning_rate, one.kind.units, one.settings.l2)
         for one in small.retrained
-    ]  # fmt: skip
+    ]
     assert sorted(values) == [(3 + k, *one.values.values()) for k, one in enumerate(best)]
     assert {one.epochs for one in small.retrained} == {TRAINING.epochs}
     plain = train_windows(LstmSettings(units=2), DATA, settings=replace(TRAINING, epochs=1))

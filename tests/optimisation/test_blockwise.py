@@ -37,7 +37,7 @@ from tests.optimisation.direct_parts import (
     problem,
     side_cut,
     slots,
-)  # fmt: skip
+)
 
 SLOWEST = 10.0
 FREE = Grouping(least_block_s=0.0, least_gain=0.0, least_speed_gain=0.0)

@@ -55,9 +55,7 @@ def job(seed: int) -> Job:
     rng = np.random.default_rng(seed)
     diameter, flutes = float(rng.choice([8.0, 10.0, 12.0])), int(rng.integers(1, 5))
     helix = float(rng.choice([0.0, 30.0]))
-    tool = Tool(
-        kind="flat", diameter_mm=diameter, flutes=flutes, helix_deg=helix, stickout_mm=30.0
-    )  # fmt: skip
+    tool = Tool(kind="flat", diameter_mm=diameter, flutes=flutes, helix_deg=helix, stickout_mm=30.0)
     modes = tuple(
         Mode(
             direction=way, natural_frequency_Hz=float(rng.uniform(600, 1500)),
@@ -121,7 +119,7 @@ def shares(of: Job, text: str) -> dict[int, float]:
     its = prepare(text, "part.nc", trial, STEADY)
     part = Chance(
         workpiece=WORK, tools={1: tool}, used={1: 0.0}, deeper={1: 0.0}, speed_error=0.0, angle=0.3
-    )  # fmt: skip
+    )
     return unrepeated(its.track, its.swept, part, STEADY, {1: modes}, np.random.default_rng(0))
 
 

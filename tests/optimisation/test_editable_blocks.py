@@ -153,7 +153,7 @@ AGAIN = {
     "there and back by a thousandth": "G91 G1 X0.001\nG1 X-0.001\nG90",
     "an arc of a thousandth": "G91 G2 X0.001 Y0.001 R0.001\nG1 X-0.001 Y-0.001\nG90",
     "less than what is computed": "G91 G1 X0.0000000001\nG90",
-}  # fmt: skip
+}
 STILL = ("absolute", "one axis", "incremental")
 SHORT = "an arc of a thousandth"
 

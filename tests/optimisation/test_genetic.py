@@ -82,9 +82,7 @@ def test_a_few_evaluations_are_as_good_as_5000_from_a_random_start(
     found = improve(problem(seed), start, objective, SearchSettings(generations=1))
     column = OBJECTIVES.index(objective)
     for chance in chances:
-        many = baselines(
-            problem(seed), start.groups, objective, SearchSettings(seed=chance)
-        )[-1]  # fmt: skip
+        many = baselines(problem(seed), start.groups, objective, SearchSettings(seed=chance))[-1]
         assert many.name == "best of 5000 evaluations" and many.violation == 0
         # their 5000 stop some 1e-6 short of the optimum, or beyond ours in the speeds' rounding
         assert found.history[FEW - 1] <= many.objectives[column] * (1 + 1e-6)

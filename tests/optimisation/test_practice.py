@@ -129,9 +129,9 @@ SOME = {"long D6", "deep slot, titanium", "wide shoulder", "T-slot cutter"}
 """One for each of what may hold a cut; the others of its kind are proof."""
 
 
-@pytest.mark.parametrize("name", [
-    pytest.param(name, marks=() if name in SOME else pytest.mark.proof) for name in HELD
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in SOME else pytest.mark.proof) for name in HELD]
+)
 def test_a_cut_beyond_its_row_its_flutes_or_its_stiffness_stays_as_programmed(name: str) -> None:
     cut = HELD[name]
     result = optimised(cut.text, cut.tool, cut.material, group=cut.group)
@@ -171,9 +171,9 @@ def moves_after(result: Result) -> Moves:
     return result.answer.cut.plan.path.moves
 
 
-@pytest.mark.parametrize("width", [
-    1.0, 6.0, *(pytest.param(width, marks=pytest.mark.proof) for width in (2.0, 4.0))
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "width", [1.0, 6.0, *(pytest.param(width, marks=pytest.mark.proof) for width in (2.0, 4.0))]
+)
 def test_the_chip_is_the_measure_of_the_feed(width: float) -> None:
     """Tungaloy p. 1084 and 1091, 10 mm in carbon steel: 0.11 mm up to 0.4 D, 0.07 mm in slots."""
     widened = CutLimit(practice=MachiningPractice(change=(0.1, 10.0)))

@@ -17,7 +17,7 @@ BEFORE = (
     "N6 G1 Z0 F100 (F)\nN7 X10 Y5\nN8 G84 X1 Y1 Z-1 R1 F300\nN9 X5\nN10 G80\nN11 G96 S120\n"
     "N12 G1 X1 F50\nN13 G97 S900\n"
     "N14 G93 G1 X5 F3\nN15 G94 G1 F80 X6\nN16 #1=50\nN17 X#1 F#1\nN18 X[#1+1] F90\nN19 M30\n%\n"
-)  # fmt: skip
+)
 
 
 def proof_of(after: str, before: str = BEFORE, **setup: object) -> Proof:
@@ -262,7 +262,7 @@ EDITS = {
     "F300 became F310, and with G84 in the line that is no plain feed or speed": ("F300", "F310"),
     "the line was deleted at the end of the program": ("N7 M30\n%\n", "N7 M30\n"),
     "2 lines were added at the end of the program": ("N7 M30\n%\n", "N7 M30\n%\n\n\n"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("said", EDITS)

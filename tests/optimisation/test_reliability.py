@@ -239,7 +239,7 @@ def test_feeds_that_other_limits_allow(milled):
     for greatest, same in ((np.full(len(bound), 1.0), 1e-12), (half, 0.15)):
         other = chance_constrained_feeds(
             milled, of_all(milled), 0.0, known_of, certainty, greatest=greatest
-        )  # fmt: skip
+        )
         reached = bound & (found.f_z < greatest)
         assert reached.any()
         assert other.f_z[reached] == pytest.approx(found.f_z[reached], rel=same)
@@ -248,7 +248,7 @@ def test_feeds_that_other_limits_allow(milled):
         assert risk(milled, at, certainty, 5).interval_95[0] <= certainty.epsilon
     none = chance_constrained_feeds(
         milled, of_all(milled), 0.0, known_of, certainty, greatest=np.full(len(bound), 1e-9)
-    )  # fmt: skip
+    )
     assert np.array_equal(none.f_z, none.nominal)
 
 

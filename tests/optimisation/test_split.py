@@ -110,7 +110,7 @@ WRONG = {
     "without a point": ("G1 X30 Y10", "G1 X15 Y5\nG1 X30 Y10", "was put in"),
     "with another word": ("G1 X30 Y10", "G1 X15. Y5. M8\nG1 X30 Y10", "was put in"),
     "another code": ("G1 X30 Y10", "G0 X15. Y5.\nG1 X30 Y10", "was put in"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", WRONG)

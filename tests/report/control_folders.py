@@ -88,7 +88,7 @@ class Programmer:
             for place, amount in enumerate(
                 (row["time"], row["time"] * cut, row["time"] * (row["kind"] == "rapid"), length)
             ):
-                entry[place] += finite(amount)  # fmt: skip
+                entry[place] += finite(amount)
             types[TYPES.get(row["kind"], row["kind"])] += finite(row["time"])
             limits[row["limit"]] += finite(row["time"])
         by_tool = tuple(

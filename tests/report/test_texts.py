@@ -140,9 +140,8 @@ def test_every_word_of_a_lead_s_page_is_a_text_or_data(in_marks: Path, name: str
 def test_every_text_of_a_page_is_used_by_one(fleet: list[MachineFolders], tmp_path: Path) -> None:
     """No key of the catalogue is left over: each stands somewhere in the code, or by its group."""
     source = "".join(
-        path.read_text() for path in FOLDER.parent.rglob("*")
-        if path.suffix in (".py", ".j2")
-    )  # fmt: skip
+        path.read_text() for path in FOLDER.parent.rglob("*") if path.suffix in (".py", ".j2")
+    )
     groups = re.findall(r"""["'](\w+(?:\.\w+)*)\.(?:["'] ~|\{)|["'](\w+)\.\w*_\{""", source)
     for key in ENGLISH.entries:
         at = key.rpartition(".")[0]

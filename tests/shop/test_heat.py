@@ -289,9 +289,9 @@ def test_growth_by_speed_by_hand():
 
 def test_a_tighter_bearing_makes_more_heat():
     p = shop_parameters("mill01")
-    loose = replace(p, growth=replace(
-        p.growth, paths=replace(p.growth.paths, centrifugal_load=0.0)
-    ))  # fmt: skip
+    loose = replace(
+        p, growth=replace(p.growth, paths=replace(p.growth.paths, centrifugal_load=0.0))
+    )
     course = _course(np.full(600, TOP))
     tight, less = (_warmed(q, course).generated for q in (p, loose))
     assert tight > less

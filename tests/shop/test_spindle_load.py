@@ -122,9 +122,7 @@ def test_speeding_up_takes_the_energy_of_the_rotor():
     ramp = Ramp(motor=spindle.motor, overload=1.2, n_0=0.0, n_1=9000.0)
     time = np.arange(0, ramp.duration + 1.0, cycle)
     speed = ramp.at(time)
-    load = shown_load(
-        speed, np.zeros(time.size), cycle, spindle, tests, np.random.default_rng(1)
-    )  # fmt: skip
+    load = shown_load(speed, np.zeros(time.size), cycle, spindle, tests, np.random.default_rng(1))
     assert load.max() == pytest.approx(
         120 + 100 * float(no_load_power(np.array([9000.0]), spindle, 34.0)[0]) / 15e3, rel=0.02
     )

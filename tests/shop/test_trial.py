@@ -151,7 +151,7 @@ def test_trials_cut_the_same_parts_before_and_after():
         (SLOT.replace("S5000 M3", ""), "cuts while the spindle stands"),
         (f"T7 M6\n{SLOT}", "P:6 goes into the blank with tool 7, which the job does not have"),
     ],
-)  # fmt: skip
+)
 def test_what_the_mill_cannot_do_is_said_with_its_line(text, message):
     with pytest.raises(ValueError, match=message):
         prepare(text, "P", JOB, MACHINE)

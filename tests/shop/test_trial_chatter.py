@@ -39,7 +39,7 @@ def even(flutes: int, helix: float = 0.0) -> EndMill:
 def shares(text: str, tool: EndMill, modes, workpiece=LINEAR) -> dict[int, float]:
     job = TrialJob(
         blank=BLANK, limit_load_N=1e4, tools={1: tool}, workpiece=workpiece, lengths={1: 0.0}
-    )  # fmt: skip
+    )
     its = prepare(text, "P", job, STEADY)
     part = Chance(
         workpiece=workpiece, tools={1: tool}, used={1: 0.0}, deeper={1: 0.0}, speed_error=0.0,

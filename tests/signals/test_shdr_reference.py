@@ -158,7 +158,7 @@ def test_time_series_end_at_the_time_of_the_record(log: Log) -> None:
             (-200_000_000, 1.0, "TIME_SERIES", "1"),
             (-100_000_000, 2.0, "TIME_SERIES", "2"),
             (0, 3.0, "TIME_SERIES", "3"),
-        ]  # fmt: skip
+        ]
     assert "has 2" in log.rejected(f"{TIME}|wave|3||1 2\n{TIME}|line|1\n", UNITS)[0].reason
 
 

@@ -23,18 +23,18 @@ SOURCES = {
     "stages/__init__.py": "",
     "stages/identify.py": "from house.submodels.contract import fit\n",
     "stages/clean.py": "from importlib import import_module\n\n\ndef clean(form):\n"
-                       "    return import_module(f'house.readers.{form}')\n",
+    "    return import_module(f'house.readers.{form}')\n",
     "stages/report.py": "from house.charts import bars\n",
     "submodels/__init__.py": "",
     "submodels/contract.py": "from importlib import import_module\n\n\ndef fit(name):\n"
-                             "    return import_module(f'house.submodels.{name}.submodel')\n",
+    "    return import_module(f'house.submodels.{name}.submodel')\n",
     "submodels/drive/__init__.py": "",
     "submodels/drive/submodel.py": "from typing import TYPE_CHECKING\n"
-                                   "from house.physics import mass\n"
-                                   "if TYPE_CHECKING:\n    from house import typed\n\n\n"
-                                   "class Drive:\n    def page(self):\n"
-                                   "        from house.submodels.drive import page\n"
-                                   "        return page\n",
+    "from house.physics import mass\n"
+    "if TYPE_CHECKING:\n    from house import typed\n\n\n"
+    "class Drive:\n    def page(self):\n"
+    "        from house.submodels.drive import page\n"
+    "        return page\n",
     "submodels/drive/page.py": "from house.charts import bars\n",
     "physics.py": "mass = 2.0\n'Of the table [kg].'\n",
     "typed.py": "a = 1\n",
@@ -42,7 +42,7 @@ SOURCES = {
     "charts/frame.css": "body {}\n",
     "readers/__init__.py": "",
     "readers/csv.py": "a = 1\n",
-}  # fmt: skip
+}
 DRIVE = {"identify_drive", "judge_drive"}
 
 

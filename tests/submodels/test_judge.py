@@ -470,7 +470,7 @@ MONDAY = Days(first="2026-01-19", last="2026-01-19")
         (["a.csv"], frozen_set("a.csv#tool=T3"), "", "golden"),  # it holds frozen rows
         (["b.csv#tool=T3", "b.csv"], frozen_set("a.csv#tool=T3"), "", "training"),
     ],
-)  # fmt: skip
+)
 def test_nothing_that_is_frozen_is_for_training(
     files: list[str], sets: GoldenSets, day: str, role: str
 ) -> None:

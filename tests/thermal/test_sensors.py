@@ -172,7 +172,7 @@ def test_a_column_is_the_same_alone_and_beside_others():
         ({"time_s": [0.0, 0.0]}, r"time_s\[1\] = 0\.0 s must be finite and later"),
         ({"constant_s": 0.0}, r"lag of 0\.0 s must be finite and positive"),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_is_refused(change, words):
     given = {"time_s": [0.0, 60.0], "values": [[20.0], [21.0]], "constant_s": 60.0} | change
     with pytest.raises(ValueError, match=words):

@@ -22,9 +22,7 @@ ROUNDING = 1e-9  # [mm] of sums of numbers up to 1 m
 def path(text: str, *, offset=None, chord=1e-5, tools=(1, 2), **setup):
     setup = {"work_offsets": OFFSETS, "tools": TOOLS, **setup}
     moves = follow(text, **setup)
-    return cutting_path(
-        moves, tools, chord=chord, offsets=setup["work_offsets"], offset=offset
-    )  # fmt: skip
+    return cutting_path(moves, tools, chord=chord, offsets=setup["work_offsets"], offset=offset)
 
 
 def fed(found) -> list[list[float]]:

@@ -200,17 +200,15 @@ CASES: dict[str, tuple[Tool, ToolPath, float]] = {
         through(np.c_[np.linspace(0, 30, 61), np.zeros(61), np.full(61, -1.5)]),
         ball_groove(30, 1.5),
     ),
-    "bull nose": (
-        BULL_NOSE, through([[0, 0, -2.5], [30, 0, -2.5]]), bull_nose_groove(30, 2.5)
-    ),
+    "bull nose": (BULL_NOSE, through([[0, 0, -2.5], [30, 0, -2.5]]), bull_nose_groove(30, 2.5)),
     "drill": (DRILL, through([[0.3, 0.1, 5], [0.3, 0.1, -12]]), hole(DRILL, 12)),
-    "small drill": (
-        SMALL_DRILL, through([[0.3, 0.1, 5], [0.3, 0.1, -12]]), hole(SMALL_DRILL, 12)
-    ),
+    "small drill": (SMALL_DRILL, through([[0.3, 0.1, 5], [0.3, 0.1, -12]]), hole(SMALL_DRILL, 12)),
     "pecks": (
-        DRILL, through([[0, 0, z] for z in (5, -4, 2, -3.5, -8, 2, -7.5, -12)]), hole(DRILL, 12)
+        DRILL,
+        through([[0, 0, z] for z in (5, -4, 2, -3.5, -8, 2, -7.5, -12)]),
+        hole(DRILL, 12),
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", CASES)

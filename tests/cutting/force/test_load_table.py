@@ -302,9 +302,7 @@ MATERIALS = sorted((ROOT / "conf/material").glob("*.yaml"))
 
 
 def drill(diameter: float, point: float, **values: Any) -> Tool:
-    return Tool(
-        kind="drill", diameter_mm=diameter, flutes=2, point_angle_deg=point, **values
-    )  # fmt: skip
+    return Tool(kind="drill", diameter_mm=diameter, flutes=2, point_angle_deg=point, **values)
 
 
 def thrust(tool: Tool, law: ForceLaw, f_z: float, lower: float = 0.0) -> float:

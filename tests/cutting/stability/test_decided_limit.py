@@ -54,9 +54,7 @@ class Case:
             feed_direction=np.array([self.feed]), direction=np.ones(1, np.int8), blocks=1,
             unjudged=np.zeros(1, np.bool_),
         )  # fmt: skip
-        tool = Tool(
-            kind="flat", diameter_mm=10.0, flutes=self.flutes, helix_deg=self.helix
-        )  # fmt: skip
+        tool = Tool(kind="flat", diameter_mm=10.0, flutes=self.flutes, helix_deg=self.helix)
         table = stability_table(station, [self.modes], [LAW], [tool], nodes_rpm=[self.rpm])
         return float(table.margins([self.rpm])[0] + 1.0) * depth
 

@@ -170,7 +170,7 @@ def test_a_law_that_is_not_linear_is_taken_at_the_chip() -> None:
     def limit(law: ForceLaw, thickness: float | None) -> np.ndarray:
         return stability_table(
             PROGRAM, [TIP, TIP], [law, law], [TWO, FOUR], nodes_rpm=NODES, thickness=thickness
-        ).margins(np.full(6, 9000.0))  # fmt: skip
+        ).margins(np.full(6, 9000.0))
 
     for h in (2e-5, 1e-4):
         slope = 0.75 * (h * 1e3) ** -0.25 * 1500.0

@@ -114,7 +114,7 @@ def test_vibration_grows_above_and_dies_below(modes, cut, rpm: float) -> None:
 @pytest.mark.parametrize(
     ("modes", "cut", "rpm", "depth"),
     [([X], TWENTIETH, 19_500, 3e-3), ([X, Y], replace(UP, flutes=3), 4000, 1e-3)],
-)  # fmt: skip
+)
 def test_the_error_falls_with_the_square_of_the_cell(modes, cut, rpm, depth: float) -> None:
     """60 cells and more: the next power of the cell shifts the order seen by some hundredths."""
     radii = [

@@ -276,7 +276,7 @@ def test_a_parameter_that_no_machine_has_is_not_determined(part, tmp_path):
     """Slower than what the search allows: it ends at its bound, which is no value."""
     lame = replace(
         truth(), axes={a: replace(x, cutting_acceleration=12.0) for a, x in truth().axes.items()}
-    )  # fmt: skip
+    )
     fit = identify_control(logged(part, tmp_path, 1, control=lame), start(), SETTINGS)
     assert "cutting_acceleration XYZ" not in named(fit)
 
@@ -295,9 +295,7 @@ def test_runs_that_determine_nothing_are_told_so(tmp_path):
 def test_free_parameters_and_their_values_make_the_control_again():
     free = free_parameters(truth(), ["a", "b"])
     values = np.array([one.start for one in free])
-    lost = replace(
-        start(), axes={letter: axis() for letter in "XYZ"}, settle_time=1.0
-    )  # fmt: skip
+    lost = replace(start(), axes={letter: axis() for letter in "XYZ"}, settle_time=1.0)
     again = control_of(lost, free, values, "a")
     assert again.axes == truth().axes
     assert again.settle_time == truth().settle_time

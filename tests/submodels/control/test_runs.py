@@ -278,9 +278,7 @@ def test_an_override_at_zero_stops_only_lines_that_heed_it(tmp_path):
 
 def test_the_mean_over_a_line_leaves_out_the_time_at_zero():
     """Line 1 lasts 4 s: 1 s at 50 %, 1 s at 0, 2 s at 80 %; then 70 = (50 + 2 x 80) / 3."""
-    knob = Series(
-        time=np.array([0.0, 1.0, 2.0, 4.0]), value=np.array([50.0, 0.0, 80.0, 100.0])
-    )  # fmt: skip
+    knob = Series(time=np.array([0.0, 1.0, 2.0, 4.0]), value=np.array([50.0, 0.0, 80.0, 100.0]))
     mean = override_of_lines(LINE_RUN, knob, 6)
     np.testing.assert_allclose(mean, [0.7, 0.7, 1.0, 1.0, 1.0, 1.0], rtol=1e-12)
 

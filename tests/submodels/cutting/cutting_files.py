@@ -172,7 +172,7 @@ def without_forces(**changes: Any) -> CuttingModel:
 
 def run(
     feed: float, error: float = 8.0, role: str = "held_out", regime: str = ""
-) -> tuple[Score, Score]:  # fmt: skip
+) -> tuple[Score, Score]:
     """Scores of a recording whose RMS force is wrong by ``error`` percent, the guess by twice it.
 
     Peaks are too small by 1/1.5, means too large by 1/2 of that.
@@ -249,7 +249,7 @@ def _revolution(feed: float, factor: float) -> pd.DataFrame:
     name = name_of(feed)
     return pd.concat(parts, ignore_index=True).assign(
         case=name, group=name, regime="", unit="N", low=np.nan, high=np.nan
-    )  # fmt: skip
+    )
 
 
 TRUTH = {

@@ -162,12 +162,12 @@ def said(trace: Trace, bench: Bench) -> Said:
     told: Said = {"exec": [(float(polls[0]), "ACTIVE"), (float(polls[-1]), "READY")]}
     return told | {
         name: [
-            (float(t), float(v)) for t, v, new in zip(
-                polls, values, np.append(True, np.diff(values) != 0), strict=True
-            ) if new
+            (float(t), float(v))
+            for t, v, new in zip(polls, values, np.append(True, np.diff(values) != 0), strict=True)
+            if new
         ]
         for name, values in items.items()
-    }  # fmt: skip
+    }
 
 
 def write_bench(folder: Path, bench: Bench, **logs: Said) -> tuple[Path, Path]:

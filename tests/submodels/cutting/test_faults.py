@@ -109,8 +109,7 @@ def test_the_fault_of_one_of_three_is_named(tests: Any, change: Any, said: str) 
     ],
 )
 def test_a_wrong_speed_in_a_name_is_named(speed: float, said: str) -> None:
-    found = [recorded(TRUTH, one, k, speed=speed if k == 1 else 1.0)
-             for k, one in enumerate(SLOTS)]  # fmt: skip
+    found = [recorded(TRUTH, one, k, speed=speed if k == 1 else 1.0) for k, one in enumerate(SLOTS)]
     sentences = named(found)
     assert f"its spindle speed is {said}" in sentences["1.csv"]
 

@@ -129,10 +129,10 @@ def test_one_feed_has_no_line():
     draws = law_draws(cuts)
     assert (draws.values[:, 3:] == 0).all()
     twice = [
-        local_lines(draws.exponent, draws.growth, draws.values, [replace(SLOT, f_z=f)]) @ [
-            *(design(replace(SLOT, f_z=f), (0.0,) * 3, 0.0)[1])
-        ] for f in (1e-4, 2e-4)
-    ]  # fmt: skip
+        local_lines(draws.exponent, draws.growth, draws.values, [replace(SLOT, f_z=f)])
+        @ [*(design(replace(SLOT, f_z=f), (0.0,) * 3, 0.0)[1])]
+        for f in (1e-4, 2e-4)
+    ]
     growth = twice[1] / twice[0]
     assert growth.max() == pytest.approx(2.0, rel=0.02) and 1.2 < growth.min() < 1.6
 

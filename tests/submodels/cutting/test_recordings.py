@@ -130,7 +130,7 @@ RECORDS = CuttingRecords(
     conditions=StatedConditions(
         speed_rpm=6000, feed_per_tooth_mm=0.08, axial_depth_mm=2, immersion="slot"
     ),
-)  # fmt: skip
+)
 
 
 def cut(seed=0):

@@ -30,9 +30,7 @@ K_TC, K_TE = 800e6, 20e3
 D, FLUTES = 12e-3, 3
 
 
-DRIVE = SpindleDrive(
-    rated_power_kW=RATED_W / 1e3, base_speed_rpm=BASE * 60, top_speed_rpm=12e3
-)  # fmt: skip
+DRIVE = SpindleDrive(rated_power_kW=RATED_W / 1e3, base_speed_rpm=BASE * 60, top_speed_rpm=12e3)
 SCALE = LoadScale(drive=DRIVE)
 
 

@@ -22,8 +22,7 @@ LINEAR = ("linear_static", "linear", "linear_sensors")
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
     methods = ("persistence", *LINEAR, "bp_7")
-    return build(tmp_path_factory.mktemp("growth"), recordings(),
-                 replace(QUICK, methods=methods))  # fmt: skip
+    return build(tmp_path_factory.mktemp("growth"), recordings(), replace(QUICK, methods=methods))
 
 
 @pytest.fixture(scope="module")

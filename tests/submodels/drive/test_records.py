@@ -154,7 +154,7 @@ def test_a_constant_that_the_others_do_not_agree_on_is_not_lent(written):
         ({"axes": {}}, {}, "drive_records.axes names no axis"),
         ({"motor": replace(MOTOR, axis="Z")}, {}, "drive_records.motor.axis is 'Z', drive_records"),
     ],
-)  # fmt: skip
+)
 def test_an_axis_that_stands_in_one_section_only_is_refused(written, options, known, words):
     folder = written("a.csv", columns())
     with pytest.raises(ValueError, match=words):

@@ -94,9 +94,7 @@ def test_samples_while_the_model_settles_and_unknown_ones_are_left_out(recording
     one = recordings[0]
     known = one.known.copy()
     known[100:110] = False
-    part = sampled(
-        [replace(one, known=known)], inputs_of([one], None), PREDICTION, QUICK
-    )  # fmt: skip
+    part = sampled([replace(one, known=known)], inputs_of([one], None), PREDICTION, QUICK)
     rows = np.rint(part.time / one.recording.step_s).astype(int)
     assert rows.tolist() == [*range(25, 100), *range(110, len(known))]
     np.testing.assert_array_equal(part.regime, one.regime[rows])

@@ -187,9 +187,9 @@ def test_forests_drawn_scatter_as_those_of_other_seeds():
     data = noisy()
     settings = replace(QUICK, trees=40)
     drawn = fitted_forest(data, settings).drawn(data.x, 40)
-    seeds = np.array([
-        fitted_forest(data, replace(settings, seed=seed)).predict(data.x) for seed in range(1, 13)
-    ])  # fmt: skip
+    seeds = np.array(
+        [fitted_forest(data, replace(settings, seed=seed)).predict(data.x) for seed in range(1, 13)]
+    )
     np.testing.assert_allclose(drawn[0], fitted_forest(data, settings).predict(data.x))
     # of 12 seeds and 40 draws the ratio of mean deviations is known to some 10 %
     ratio = drawn[1:].std(axis=0, ddof=1).mean() / seeds.std(axis=0, ddof=1).mean()

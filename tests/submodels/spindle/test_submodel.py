@@ -164,9 +164,8 @@ def test_the_interval_holds_its_share_is_a_limit_and_stands_on_the_page(made, ju
     assert model.intervals is not None and model.intervals.windows[""].groups == 3
     for regime in (WINDOWS, FREE_RUN):
         total = next(
-            s for s in result.verdict.of(TARGET, group="all", role="held_out")
-            if s.regime == regime
-        )  # fmt: skip
+            s for s in result.verdict.of(TARGET, group="all", role="held_out") if s.regime == regime
+        )
         assert total.coverage_limits == (0.8, 1.0) and total.coverage_90 >= 0.8
     shown = Shown(
         machine="mill", origin="simulated", model=model, verdict=result.verdict,

@@ -59,9 +59,9 @@ def test_of_a_tool_that_was_used_up_it_is_counted_how_often_the_range_held(law: 
 def test_of_an_unknown_type_nothing_is_told(law: LifeLaw) -> None:
     shape = dict(SETTINGS.cutters) | {"NEW": SETTINGS.cutters["EM12Z4"]}
     found = windows("mill01", 2, ["T26"])
-    strange = replace(found, conditions=dict(found.conditions) | {
-        "tool_type": np.full(len(found), "NEW")
-    })  # fmt: skip
+    strange = replace(
+        found, conditions=dict(found.conditions) | {"tool_type": np.full(len(found), "NEW")}
+    )
     estimate = Estimate(wear=1.0, low=0.0, high=2.0)
     known = due_facts(strange, estimate, law, replace(SETTINGS, cutters=shape))
     assert "no tool of its type was worn" in str(known[due.NO_ESTIMATE].value) and len(known) == 1
