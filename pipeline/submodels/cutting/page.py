@@ -83,9 +83,6 @@ def wear_note(group: str, name: str, before: Parameter, now: Parameter) -> str:
     return WORDS("wear.grown", name=full, remedy=remedy)
 
 
-# ---- the model in words
-
-
 def _causes(shown: Seen) -> str:
     """Explanation of failed recordings: faults, conditions beyond the training data."""
     if shown.verdict is None:
@@ -178,9 +175,6 @@ RECORDED: tuple[Column[CutRecording], ...] = (
     Column("what was done to it, or why not",
            lambda one: one.reason or one.fault or "; ".join(one.notes) or "–"),
 )  # fmt: skip
-
-
-# ---- the truth of a simulated machine
 
 
 def _truth(shown: Seen) -> Iterator[KnownValue]:

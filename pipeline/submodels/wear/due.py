@@ -50,6 +50,8 @@ PLANE = 1.177
 ROUNDS = 30
 FEWEST = 3
 """Least number of tools for an interval."""
+SOON = 0.15
+"""Share of a life below which the least time left makes a tool due soon [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -343,3 +345,46 @@ def held(facts: Mapping[str, Mapping[str, Fact]]) -> tuple[int, int]:
     pairs = [(one[ESTIMATES].value, one[HELD].value) for one in facts.values() if ESTIMATES in one]
     told, inside = (sum(float(str(one[k])) for one in pairs) for k in (0, 1))
     return int(told), int(inside)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DueTool:
+    """A tool in use, with what was said of it; ``by_signals`` where those may be relied on."""
+
+    name: str
+    facts: Mapping[str, Fact]
+    by_signals: bool
+
+    def number(self, name: str) -> float | None:
+        """Value of a fact; None where it is not there."""
+        fact = self.facts.get(name)
+        return fact.value if fact is not None and isinstance(fact.value, int | float) else None
+
+    @property
+    def rests_on(self) -> str:
+        """Basis of the remaining time: the more precise of reading and signals, else its use."""
+        allowed = (READING, SIGNALS) if self.by_signals else (READING,)
+        known = [one for one in allowed if self.number(left_names(one)[1]) is not None]
+        return min(known, key=lambda one: self._left(one)[2] - self._left(one)[0], default=USE)
+
+    @property
+    def left(self) -> tuple[float, float, float]:
+        """Time left [min]: lower end of the 90 % interval, median, upper end."""
+        return self._left(self.rests_on)
+
+    def _left(self, rests_on: str) -> tuple[float, float, float]:
+        low, middle, high = (self.number(name) or 0.0 for name in left_names(rests_on))
+        return low, middle, high
+
+    @property
+    def status(self) -> str:
+        """``failed`` where it is worn, ``unknown`` where it is due soon, else ``passed``."""
+        low, middle, _ = self.left
+        if middle <= 0:
+            return "failed"
+        return "unknown" if low < SOON * (self.number(LIFE) or 0.0) else "passed"
+
+    @property
+    def within(self) -> float:
+        """Time in the cut within which that is to be done [min]."""
+        return self.left[0] / 2 if self.status == "passed" else self.left[0]

@@ -1,79 +1,25 @@
 """Part of the page of tool wear on the tools due: time left, lives of tools, growth of forces."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-
 from pipeline.charts.numbers import NOT_KNOWN, TOGETHER, counted, number
 from pipeline.charts.sections import Action, Heading, Section, present
 from pipeline.charts.submodel_page import made_from
 from pipeline.charts.tables import Cell, Column, Table, tabulated
 from pipeline.charts.words import page_words
-from pipeline.schema.verdict import Fact
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.wear import due
 from pipeline.submodels.wear.life import LifeLaw, WornTool
 from pipeline.submodels.wear.model import WearModel
 
 WORDS = page_words(__file__)
-SOON = 0.15
-"""Share of a life below which the least time left makes a tool due soon [1]."""
 TO = "\N{EN DASH}"
 
 
-@dataclass(frozen=True, kw_only=True)
-class DueTool:
-    """A tool in use, with what was said of it; ``by_signals`` where those may be relied on."""
-
-    name: str
-    facts: Mapping[str, Fact]
-    by_signals: bool
-
-    def number(self, name: str) -> float | None:
-        """Value of a fact; None where it is not there."""
-        fact = self.facts.get(name)
-        return fact.value if fact is not None and isinstance(fact.value, int | float) else None
-
-    @property
-    def rests_on(self) -> str:
-        """Basis of the remaining time: the more precise of reading and signals, else its use."""
-        allowed = (due.READING, due.SIGNALS) if self.by_signals else (due.READING,)
-        known = [one for one in allowed if self.number(due.left_names(one)[1]) is not None]
-        return min(known, key=lambda one: self._left(one)[2] - self._left(one)[0], default=due.USE)
-
-    @property
-    def left(self) -> tuple[float, float, float]:
-        """Time left [min]: lower end of the 90 % interval, median, upper end."""
-        return self._left(self.rests_on)
-
-    def _left(self, rests_on: str) -> tuple[float, float, float]:
-        low, middle, high = (self.number(name) or 0.0 for name in due.left_names(rests_on))
-        return low, middle, high
-
-    @property
-    def status(self) -> str:
-        """``failed`` where it is worn, ``unknown`` where it is due soon, else ``passed``."""
-        low, middle, _ = self.left
-        if middle <= 0:
-            return "failed"
-        return "unknown" if low < SOON * (self.number(due.LIFE) or 0.0) else "passed"
-
-    @property
-    def within(self) -> float:
-        """Time in the cut within which that is to be done [min]."""
-        return self.left[0] / 2 if self.status == "passed" else self.left[0]
-
-    @property
-    def todo(self) -> str:
-        """Action, in words."""
-        return WORDS(f"todo.{self.status}", within=_minutes(self.within))
-
-
-def due_tools(shown: Shown[WearModel]) -> list[DueTool]:
+def due_tools(shown: Shown[WearModel]) -> list[due.DueTool]:
     """Tools in use, the one that is due first at the head."""
     if shown.verdict is None:
         return []
     found = [
-        DueTool(name=case.case, facts=case.facts, by_signals=shown.verdict.status == "passed")
+        due.DueTool(name=case.case, facts=case.facts, by_signals=shown.verdict.status == "passed")
         for case in shown.verdict.cases
         if due.IN_USE in case.facts
     ]
@@ -113,7 +59,7 @@ def due_key_figures(shown: Shown[WearModel]) -> list[tuple[str, str, str]]:
 
 def due_notes(shown: Shown[WearModel]) -> list[str]:
     """Tools that are to be changed now or soon, for the head of the page."""
-    return [WORDS("action.note", tool=one.name, todo=one.todo)
+    return [WORDS("action.note", tool=one.name, todo=todo_words(one))
             for one in due_tools(shown) if one.status != "passed"]  # fmt: skip
 
 
@@ -142,13 +88,18 @@ def due_truth(shown: Shown[WearModel]) -> list[Table]:
         for one in due_tools(shown)
         if worn.get(one.name) is not None
     ]
-    columns: tuple[Column[tuple[DueTool, float]], ...] = (
+    columns: tuple[Column[tuple[due.DueTool, float]], ...] = (
         Column("Tool", lambda row: row[0].name),
         Column("true", lambda row: number(row[1]), "min"),
         Column("predicted, 90 %", lambda row: _span(row[0].left)),
     )
     table = tabulated(WORDS("truth"), rows, columns, [])
     return [] if table is None else [table]
+
+
+def todo_words(tool: due.DueTool) -> str:
+    """What to do about a tool in use."""
+    return WORDS(f"todo.{tool.status}", within=_minutes(tool.within))
 
 
 def _minutes(value: float) -> str:
@@ -159,7 +110,7 @@ def _span(left: tuple[float, float, float]) -> str:
     return f"{number(left[0], 2)}{TO}{number(left[2], 2)}{TOGETHER}min"
 
 
-def _now(tool: DueTool) -> str:
+def _now(tool: due.DueTool) -> str:
     now, low, high = (tool.number(name) for name in (due.NOW, due.NOW_LOW, due.NOW_HIGH))
     if now is None or low is None or high is None:
         return NOT_KNOWN
@@ -167,14 +118,14 @@ def _now(tool: DueTool) -> str:
     return f"{number(now)} ({number(low, 2)}{TO}{number(high, 2)}){TOGETHER}µm{doubt}"
 
 
-def _read(tool: DueTool) -> str:
+def _read(tool: due.DueTool) -> str:
     read, at = tool.number(due.READ), tool.number(due.READ_AT)
     if read is None or at is None:
         return "never"
     return f"{number(read)}{TOGETHER}µm at {_minutes(at)}"
 
 
-DUE: tuple[Column[DueTool], ...] = (
+DUE: tuple[Column[due.DueTool], ...] = (
     Column("Tool", lambda one: one.name),
     Column("type", lambda one: str(one.facts[due.TYPE].value)),
     Column("in the cut for", lambda one: number(one.number(due.TIME)), "min"),
@@ -182,7 +133,7 @@ DUE: tuple[Column[DueTool], ...] = (
     Column("wear now, by its signals", _now),
     Column("lasts another", lambda one: f"{_minutes(one.left[1])} ({_span(one.left)})"),
     Column("by", lambda one: one.rests_on),
-    Column("what to do", lambda one: Cell(text=one.todo, status=one.status)),
+    Column("what to do", lambda one: Cell(text=todo_words(one), status=one.status)),
 )
 
 

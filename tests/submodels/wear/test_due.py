@@ -10,8 +10,8 @@ import pytest
 from pipeline.report.verdict import ORDER
 from pipeline.schema.verdict import Fact
 from pipeline.submodels.wear import due
-from pipeline.submodels.wear.due import Estimate, due_facts, fit_lasting, left_names
-from pipeline.submodels.wear.due_page import DueTool, due_actions
+from pipeline.submodels.wear.due import DueTool, Estimate, due_facts, fit_lasting, left_names
+from pipeline.submodels.wear.due_page import due_actions, todo_words
 from pipeline.submodels.wear.life import LifeLaw, fit_life, uses
 from tests.submodels.wear.shop_lives import followed, life_settings, tools, windows
 
@@ -95,7 +95,7 @@ def test_what_to_do_follows_the_least_time_left(
 ) -> None:
     facts = told(*left) | {due.LIFE: Fact(value=100.0, unit="min")}
     tool = DueTool(name="T1", facts=facts, by_signals=False)
-    assert tool.status == status and words in tool.todo.replace("\u00a0", " ")
+    assert tool.status == status and words in todo_words(tool).replace("\u00a0", " ")
 
 
 def test_each_tool_in_use_is_an_action_the_one_that_is_due_first_at_the_head() -> None:
