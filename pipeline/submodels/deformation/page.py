@@ -42,12 +42,13 @@ def content(shown: Seen) -> PageContent:
     """Page content of spindle growth."""
     facts, model = GrowthFacts(shown=shown), shown.model
     warm = _warm_words(facts)
-    use = "todo.warm" if warm else "todo.load"
     return declared(
         WORDS,
         guess=PERSISTENCE,
         titles={name: one.label for name, one in METHODS.items()},
-        todo={**WORDS.content["todo"], "passed": WORDS(use, warm=warm, machine=shown.machine)},
+        todo={**WORDS.content["todo"], "passed": WORDS(
+            "todo.warm" if warm else "todo.load", warm=warm, machine=shown.machine
+        )},
         facts=_goal_words(facts),
         head=[*_key_figures(facts), *sensor_key_figures(facts)],
         notes=[sensor_note(facts)],

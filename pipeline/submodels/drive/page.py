@@ -99,11 +99,11 @@ def _groups(shown: Seen, model: DriveModel) -> Iterator[tuple[str, str, str, Blo
 
 def _axis_words(model: DriveModel, axis: str, one: DriveAxis) -> Iterator[str]:
     """Quality of the fit, determined loops and shaft of an axis."""
-    yield _fitted("axis.fit", one.fit)
+    yield _fitted("fit", one.fit)
     if one.servo_reason:
         yield WORDS("axis.no_loops", reason=one.servo_reason.rstrip("."))
     elif one.servo_fit is not None:
-        yield _fitted("axis.loops", one.servo_fit)
+        yield _fitted("loops", one.servo_fit)
     if one.force_unit not in ("", "N"):
         yield WORDS("axis.no_force", command=one.command_unit, force=powers(one.force_unit))
     shaft = model.shafts.get(axis)
@@ -114,11 +114,11 @@ def _axis_words(model: DriveModel, axis: str, one: DriveAxis) -> Iterator[str]:
         yield WORDS("axis.shaft", twist=twist, left=left)
 
 
-def _fitted(key: str, fit: Any) -> str:
+def _fitted(of: str, fit: Any) -> str:
     if fit.relative_error_percent is None:
         return fit_words("", fit.condition, fit.correlation)
     over = f" over {number(fit.samples)} samples" if fit.samples else ""
-    said = WORDS(key, error=number(fit.relative_error_percent, 2), over=over)
+    said = WORDS(f"axis.{of}", error=number(fit.relative_error_percent, 2), over=over)
     return fit_words(said, fit.condition, fit.correlation)
 
 

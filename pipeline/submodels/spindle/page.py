@@ -36,8 +36,7 @@ def content(shown: Seen) -> PageContent:
                                        if c.role == "golden" and c.note]  # fmt: skip
     return declared(
         WORDS,
-        todo={status: WORDS(f"todo.{status}", machine=shown.machine)
-              for status in WORDS.table("todo")},
+        todo=WORDS.table("todo", machine=shown.machine),
         facts=[] if model is None else list(_facts(model)),
         notes=[WORDS("days.idle", days=day_list(idle))] if idle else [],
         figures=[] if model is None else [_fit(shown, model), _intervals(shown, model)],
