@@ -148,18 +148,12 @@ def block_numbers(residuals: Floats, stretch: Ints, parameters: int) -> Ints:
     return (np.arange(many) / length).astype(np.int64)
 
 
-def jackknife_deviation(left: Floats) -> Floats:
-    """Standard deviation of estimates by the jackknife over K left-out groups, shape (...).
+def jackknife_half_width(left: Floats) -> Floats:
+    """Half of the 95 % interval by the jackknife over K left-out groups, shape (...).
 
     ``left`` (K, ...) are the estimates without each group in turn; the variance is
-    (K - 1) / K sum_k (left_k - mean)^2 (Quenouille 1956, Tukey 1958).
-    """
-    deviation: Floats = np.sqrt((len(left) - 1) * left.var(axis=0))
-    return deviation
-
-
-def jackknife_half_width(left: Floats) -> Floats:
-    """Half of the 95 % interval by the jackknife: Student's t of K - 1 degrees of freedom.
+    (K - 1) / K sum_k (left_k - mean)^2 (Quenouille 1956, Tukey 1958), with Student's t of K - 1
+    degrees of freedom.
 
     Examples
     --------
@@ -169,7 +163,8 @@ def jackknife_half_width(left: Floats) -> Floats:
     >>> round(float(jackknife_half_width((values.sum() - values) / 3)), 4)
     0.1299
     """
-    return student_quantile(len(left) - 1) * jackknife_deviation(left)
+    half: Floats = student_quantile(len(left) - 1) * np.sqrt((len(left) - 1) * left.var(axis=0))
+    return half
 
 
 def spread_of(values: Floats) -> float:

@@ -22,7 +22,7 @@ from pipeline.schema.arrays import Floats
 from pipeline.schema.drive import FeedDriveParameters
 from pipeline.schema.model import Parameter
 from pipeline.submodels.drive.records import Recording
-from pipeline.submodels.statistics import NORMAL_95, jackknife_deviation
+from pipeline.submodels.statistics import jackknife_half_width
 from pipeline.twin.drive import stable
 from pipeline.twin.program_axes import between
 
@@ -192,7 +192,7 @@ def _nearest(
     whole, inside = lowest(None)
     left = [lowest(out) for out in range(len(next(iter(known.values()))))]
     places = np.array([place for place, _ in left])
-    half = NORMAL_95 * float(jackknife_deviation(places))
+    half = float(jackknife_half_width(places))
     low, high = np.exp(whole - half), np.exp(whole + half)
     best = float(np.exp(whole))
     sure = inside and all(one for _, one in left) and (high - low) / 2 <= widest * best
