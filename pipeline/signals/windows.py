@@ -106,7 +106,7 @@ LONGEST_BRIDGE = 3
 ROUNDING_JITTER = 0.1
 """Standard deviation of time stamps about the grid [periods] up to which it counts as rounding."""
 EVEN = 0.02
-"""Deviation of the distance of two rows from the period of a table, over it, at most [1]."""
+"""Deviation of the period of a table from the one that was learnt, over it, at most [1]."""
 COARSE_CLOCK = 0.1
 """Share of repeated time stamps [1] above which the clock ticks slower than rows are recorded."""
 SHORTEST_SEGMENT = 32
@@ -206,10 +206,11 @@ def _segment(t: Floats, rows: Ints, period: float) -> UniformSegment:
 def row_period(table: "pd.DataFrame", *needed: str, learnt: float | None = None) -> float:
     """Period of the rows of a table [s], from its column ``t`` [s].
 
-    ValueError where the rows are not evenly spaced, or not by the period that was ``learnt``, and
-    where a value of the columns ``needed`` is missing.
+    Stamps may be rounded, or stand still below a clock's tick.  ValueError where rows lie off an
+    even grid by half a period or lack between others, where the period is not the one that was
+    ``learnt``, and where a value of the columns ``needed`` is missing.
     """
-    if "t" not in table.columns or len(table) < 2:
+    if "t" not in table.columns or len(table) < (1 if learnt else 2):
         raise ValueError("the input has no column t of two rows or more: give it in seconds")
     for name in ("t", *needed):
         finite = np.isfinite(table[name].to_numpy(float))
@@ -218,14 +219,28 @@ def row_period(table: "pd.DataFrame", *needed: str, learnt: float | None = None)
             raise ValueError(
                 f"{name} is {table[name].iloc[row]} in row {row + 1}: give a value in each row"
             )
-    steps = np.diff(table["t"].to_numpy(float))
-    period = learnt or float(np.median(steps))
-    even = np.abs(steps - period) <= EVEN * period
-    if not (period > 0 and even.all()):
-        row = int(even.argmin())
-        wanted = f"{period:g} s were learnt" if learnt else f"{period:g} s lie between most rows"
+    if learnt and len(table) == 1:
+        return learnt
+    t = table["t"].to_numpy(float)
+    steps = np.diff(t)
+    if not t[-1] > t[0] or steps.min() < 0:
+        row = int(steps.argmin())
         raise ValueError(
-            f"rows {row + 1} and {row + 2} of the input are {steps[row]:g} s apart, {wanted}: give "
-            "evenly spaced rows of that period"
+            f"t does not go forward: it is {t[row]:g} s in row {row + 1} and {t[row + 1]:g} s in "
+            f"row {row + 2}: give rows in the order of time"
         )
-    return learnt or float(steps.mean())
+    period = float(steps.mean())
+    off = np.abs(t - np.linspace(t[0], t[-1], len(t)))
+    uneven = (steps > 1.5 * period) | (off[1:] > 0.5 * period)
+    if uneven.any() and np.mean(steps == 0) <= COARSE_CLOCK:
+        row = int(uneven.argmax())
+        raise ValueError(
+            f"rows {row + 1} and {row + 2} of the input are {steps[row]:g} s apart, all rows "
+            f"{period:g} s in the mean: give evenly spaced rows"
+        )
+    if learnt and abs(period - learnt) > EVEN * learnt:
+        raise ValueError(
+            f"rows of the input are {period:g} s apart, {learnt:g} s were learnt: give rows of that "
+            "period"
+        )
+    return learnt or period

@@ -123,7 +123,7 @@ def test_content_tells_what_a_line_holds() -> None:
 
 # tokens, and numbers that are Python's bit for bit
 
-B = rb"[ \t\v\f\x00\x7f]"
+B = rb"[ \t\v\f\x00\x11-\x14\x1a\x7f]"
 NUMBER = rb"(?:[+-]%(b)s*)?(?:\d(?:%(b)s*\d)*(?:%(b)s*\.(?:%(b)s*\d)*)?|\.(?:%(b)s*\d)+)" % {
     b"b": B
 }

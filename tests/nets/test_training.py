@@ -318,7 +318,7 @@ def test_a_training_imports_no_compiler() -> None:
     said = (
         "import sys, torch\n"
         "from pipeline.nets.descent import Adam\n"
-        "from pipeline.nets.training import reproducible\n"
+        "from pipeline.nets.stored import reproducible\n"
         "weight = torch.nn.Parameter(torch.ones(2))\n"
         "with reproducible():\n"
         "    Adam([weight], 0.1).step(weight.sum())\n"
