@@ -90,9 +90,8 @@ def propose(
         if not path.is_file():
             raise ValueError(f"{path} is no file: name the Devices document and each log")
     if not documents and not any(path.stat().st_size for path in logs):
-        some = ", ".join(map(str, logs[:3])) + (" …" if len(logs) > 3 else "")
         raise ValueError(
-            f"{some} is empty: give the Devices document, logs or tables with records"
+            f"{logs[0]} is empty: give the Devices document, logs or tables with records"
             if logs else "nothing is named: give the Devices document, logs or tables"
         )  # fmt: skip
     try:

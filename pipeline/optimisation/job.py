@@ -171,7 +171,7 @@ def job_request(
     ``moves``: those that it makes, where it was followed before.
     """
     if not path.is_file():
-        raise ValueError(f"{path} does not exist: name a program of the machine in parts.programs")
+        raise ValueError(f"{path} is no file: name a part program")
     beside = replace(setup, folders=(*setup.folders, path.resolve().parent))
     program = read_program(path)
     moves = interpret(program, beside) if moves is None else moves

@@ -333,22 +333,26 @@ def written_programs(
 ) -> dict[str, Program]:
     """Programs as written with their cut, by the label of their optimisation.
 
-    One that is simulated for the report too has that name, and the interval of its time.
+    One whose file no other part has, and that is simulated for the report too, has that name; each
+    has the interval of its time.
     """
-    labels = {part.label for part in parts.programs}
-    known = {one.summary.file: one for one in simulated if one.name not in labels}
-    programs = {}
+    labels = [part.label for part in parts.programs]
+    known = {one.summary.file: one for one in simulated}
+    programs, taken = dict[str, Program](), set(labels)
     for part in parts.programs:
         path = part.path.parent / AS_WRITTEN / part.path.name
         found = shelf.read(path, CutProgram, MODELS)
-        if found is not None:
-            same = known.get(found.time.file)
-            summary = replace(
-                found.time, program=same.name if same else f"{part.label} as written",
-                total_time_90_s=same.summary.total_time_90_s if same else None,
-            )  # fmt: skip
-            program = program_of(summary, path, shelf)
-            programs[part.label] = replace(program, cut=found.cut, verdicts=part.part.verdicts)
+        if found is None:
+            continue
+        same = known.get(found.time.file)
+        name = same.name if same and same.name not in taken else f"{part.label} as written"
+        taken.add(name)
+        interval = same.summary.total_time_90_s if same else None
+        summary = replace(found.time, program=name, total_time_90_s=interval)
+        program = replace(
+            program_of(summary, path, shelf), cut=found.cut, verdicts=part.part.verdicts
+        )
+        programs[part.label] = program
     return programs
 
 

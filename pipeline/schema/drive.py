@@ -20,6 +20,9 @@ TWIST = "twist"
 """Predicted too, where both ends of an axis are recorded: motor's position less the carriage's."""
 LEVEL, LAG, RIGID = "constant_level", "speed_over_loop_gain", "rigid_shaft"
 """Baselines: one force against motion; the following error at steady speed; no twist."""
+BASELINE_TITLES = {LEVEL: "one constant level against motion", LAG: "speed over loop gain",
+                   RIGID: "no twist"}  # fmt: skip
+"""Baselines in words."""
 
 
 @dataclass(frozen=True, kw_only=True)

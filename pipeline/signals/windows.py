@@ -231,7 +231,8 @@ def row_period(table: "pd.DataFrame", *needed: str, learnt: float | None = None)
         )
     period = float(steps.mean())
     off = np.abs(t - np.linspace(t[0], t[-1], len(t)))
-    uneven = (steps > 1.5 * period) | (off[1:] > 0.5 * period)
+    gaps = steps > 1.5 * period
+    uneven = gaps if gaps.any() else off[1:] > 0.5 * period
     if uneven.any() and np.mean(steps == 0) <= COARSE_CLOCK:
         row = int(uneven.argmax())
         raise ValueError(
@@ -240,7 +241,7 @@ def row_period(table: "pd.DataFrame", *needed: str, learnt: float | None = None)
         )
     if learnt and abs(period - learnt) > EVEN * learnt:
         raise ValueError(
-            f"rows of the input are {period:g} s apart, {learnt:g} s were learnt: give rows of that "
-            "period"
+            f"rows of the input are {period:g} s apart, {learnt:g} s were learnt: give rows of "
+            "that period"
         )
     return learnt or period

@@ -237,7 +237,9 @@ def _check_column(column: "pd.Series[Any]", kind: str) -> None:
     """Refuse a column with something else than a number, or a time; missing values may be."""
     import pandas as pd
 
-    read: Any = pd.to_numeric if kind == "number" else partial(pd.to_datetime, utc=True)
+    read: Any = (
+        pd.to_numeric if kind == "number" else partial(pd.to_datetime, utc=True, format="ISO8601")
+    )
     wrong = (read(column, errors="coerce").isna() & column.notna()).to_numpy()
     if wrong.any():
         row = int(wrong.argmax())

@@ -96,7 +96,7 @@ def uncertainty_of(
     scaled = jacobian / scale
     _, singular, right = np.linalg.svd(np.linalg.qr(scaled, mode="r"), full_matrices=False)
     condition = float(singular[0] / singular[-1]) if singular[-1] > 0 else float("inf")
-    inverse = (right.T / np.maximum(singular, 1e-12 * singular[0]) ** 2) @ right
+    inverse = (right.T / np.maximum(singular, max(1e-12 * singular[0], 1e-12)) ** 2) @ right
     scores = scaled * residuals[:, None]
     order = np.argsort(blocks, kind="stable")
     starts = np.flatnonzero(np.diff(blocks[order], prepend=blocks[order][0] - 1))
@@ -153,7 +153,7 @@ def jackknife_half_width(left: Floats) -> Floats:
 
     ``left`` (K, ...) are the estimates without each group in turn; the variance is
     (K - 1) / K sum_k (left_k - mean)^2 (Quenouille 1956, Tukey 1958), with Student's t of K - 1
-    degrees of freedom.
+    degrees of freedom.  It is infinite for a single group.
 
     Examples
     --------
@@ -163,6 +163,8 @@ def jackknife_half_width(left: Floats) -> Floats:
     >>> round(float(jackknife_half_width((values.sum() - values) / 3)), 4)
     0.1299
     """
+    if len(left) < 2:
+        return np.full(left.shape[1:], np.inf)
     half: Floats = student_quantile(len(left) - 1) * np.sqrt((len(left) - 1) * left.var(axis=0))
     return half
 

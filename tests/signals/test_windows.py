@@ -13,6 +13,7 @@ from pipeline.signals.windows import (
     SHORTEST_SEGMENT,
     StateSegment,
     read_state,
+    row_period,
     sampling_period,
     state_days,
     state_segments,
@@ -218,3 +219,39 @@ def test_samples_taken_unevenly_are_interpolated_where_they_were_taken():
 def test_what_tells_no_period_is_refused(stamps, words):
     with pytest.raises(ValueError, match=words):
         uniform_segments(stamps)
+
+
+N = np.arange(400.0)
+
+
+@pytest.mark.parametrize(("t", "period"), [
+    (N / 600, 1 / 600),
+    (np.round(N / 600, 4), 1 / 600),
+    (np.round(N / 2048, 4), 1 / 2048),
+    (np.floor(N / 10) / 100, 1e-3),  # a clock that ticks slower than the rows
+], ids=["even", "rounded", "coarser than half", "ticks"])  # fmt: skip
+def test_rows_of_one_period_whatever_their_stamps_are_rounded_to(t, period) -> None:
+    assert row_period(pd.DataFrame({"t": t})) == pytest.approx(period, rel=3e-2)
+
+
+@pytest.mark.parametrize(("t", "said"), [
+    (np.delete(N, 200), r"rows 200 and 201 of the input are 2 s apart, all rows 1.0025. s"),
+    (np.delete(N, range(100, 300)), "rows 100 and 101 of the input are 201 s apart"),
+    (-N, "t does not go forward: it is -0 s in row 1 and -1 s in row 2"),
+    (0 * N, "t does not go forward"),
+    (np.where(N == 5, 3.0, N), "it is 4 s in row 5 and 3 s in row 6"),
+    (N**1.5, "give evenly spaced rows"),
+    (np.where(N == 5, np.nan, N), "t is nan in row 6: give a value"),
+    ([0.0], "no column t of two rows"),
+])  # fmt: skip
+def test_rows_that_are_not_even_are_refused_where_they_are_not(t, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        row_period(pd.DataFrame({"t": t}))
+
+
+def test_rows_of_another_period_than_the_learnt_one_are_refused() -> None:
+    table = pd.DataFrame({"t": 60.0 * N})
+    assert row_period(table, learnt=60.5) == 60.5
+    assert row_period(table[:1], learnt=60.0) == 60.0
+    with pytest.raises(ValueError, match="60 s apart, 120 s were learnt"):
+        row_period(table, learnt=120.0)

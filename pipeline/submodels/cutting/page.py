@@ -60,7 +60,7 @@ def content(shown: Seen) -> PageContent:
             quantity=PLANE, error="relative_percent", axis="Angle of the spindle, °",
             regime=OTHERS if shown.verdict is None or shown.verdict.judged_role is None else "",
             shown=tuple(f"{CHANNEL_FORCE}{channel}" for channel in CHANNELS),
-            other=(PLAIN, "mean-force coefficients"),
+            other=(PLAIN, WORDS.content["titles"][PLAIN]),
         )],
         truth=list(_truth(shown)) if shown.origin == "simulated" else [],
         changed=wear_note,

@@ -14,6 +14,7 @@ from pipeline.charts.submodel_page import PageContent, declared, made_from
 from pipeline.charts.tables import Column, Table, code, tabulated
 from pipeline.charts.words import page_words
 from pipeline.schema.drive import (
+    BASELINE_TITLES,
     COMMAND,
     FOLLOWING,
     FORCE,
@@ -40,6 +41,7 @@ def content(shown: Seen) -> PageContent:
     model = shown.model
     return declared(
         WORDS,
+        titles=BASELINE_TITLES,
         cause=_causes(shown),
         meaning=meaning,
         groups={} if model is None else {axis: f"axis {axis}" for axis in model.parameters

@@ -14,6 +14,7 @@ from pipeline.machine.axis.drive_parameters import drive_row
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.drive import (
+    BASELINE_TITLES,
     COMMAND,
     FOLLOWING,
     FORCE,
@@ -144,6 +145,7 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         ) + tuple(
             Target(
                 quantity=f"{TWIST} {letter}", unit="um", baselines=(RIGID,), must_beat=(RIGID,),
+                titles=BASELINE_TITLES,
             )
             for letter in model.shafts if is_known(model, letter)
         )  # fmt: skip

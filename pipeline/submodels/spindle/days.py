@@ -31,6 +31,12 @@ from pipeline.twin.spindle import (
     window_starts,
 )
 
+BASELINE_TITLES = {
+    "persistence": "the temperature stays as it is", "physics": "physics alone",
+    "forest": "with the forest", "day_mean": "day’s mean",
+}  # fmt: skip
+"""Baselines in words."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class IntervalSettings(Ranged, section="spindle_interval"):

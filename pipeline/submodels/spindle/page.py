@@ -16,7 +16,7 @@ from pipeline.charts.words import page_words
 from pipeline.schema.days import day_start
 from pipeline.schema.model import Band
 from pipeline.submodels.contract import Shown
-from pipeline.submodels.spindle.days import FREE_RUN, WINDOWS
+from pipeline.submodels.spindle.days import BASELINE_TITLES, FREE_RUN, WINDOWS
 from pipeline.thermal.network import SpindleThermalParameters
 from pipeline.twin.spindle import TARGET, SpindleModelFile
 
@@ -36,6 +36,7 @@ def content(shown: Seen) -> PageContent:
                                        if c.role == "golden" and c.note]  # fmt: skip
     return declared(
         WORDS,
+        titles=BASELINE_TITLES,
         todo=WORDS.table("todo", machine=shown.machine),
         facts=[] if model is None else list(_facts(model)),
         notes=[WORDS("days.idle", days=day_list(idle))] if idle else [],

@@ -37,6 +37,7 @@ from pipeline.submodels.spindle.calibration import (
 )
 from pipeline.submodels.spindle.days import (
     APART,
+    BASELINE_TITLES,
     FREE_RUN,
     WINDOWS,
     IntervalSettings,
@@ -127,7 +128,7 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
     def targets(self, settings: Judging, model: SpindleModelFile) -> tuple[Target, ...]:
         """Temperature in windows, which is judged, as a free run and in parts, which are shown."""
         limits = settings.spindle_limits
-        others = ("persistence", "physics", "forest", "day_mean")
+        others = tuple(BASELINE_TITLES)
         share = (limits.coverage_least, limits.coverage_most)
         coverage = None if model.intervals is None else share
         return (
@@ -135,6 +136,7 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
                 quantity=TARGET, unit="K", regime=WINDOWS, baselines=others,
                 limits={"mae": limits.mae_K, "rmse": limits.rmse_K},
                 must_beat=("persistence",), each_group=True, coverage=coverage,
+                titles=BASELINE_TITLES,
                 resolution=model.fit.resolution_K,
             ),
             Target(
@@ -235,7 +237,9 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
                 raise ValueError(
                     f"{TARGET} is not known in the first row: start where it was measured"
                 )
-            state = table.assign(time=pd.to_datetime(table["time"], utc=True)).set_index("time")
+            state = table.assign(
+                time=pd.to_datetime(table["time"], utc=True, format="ISO8601")
+            ).set_index("time")
             found = model.predict(state, start).reset_index(names="time")
             if how is None:
                 return found

@@ -317,8 +317,8 @@ def test_what_is_served_is_what_the_closed_loop_does(judged, tmp_path):
     [
         ({"t": None}, "no column t"),
         (
-            {"t": {7: 0.0075}},
-            r"rows 7 and 8 .* 0\.0015 s apart, 0\.001 s lie .*: give evenly spaced",
+            {"t": {7: 0.0078}},
+            r"rows 7 and 8 .* 0\.0018 s apart, all rows 0\.001 s .*: give evenly spaced",
         ),
         ({"t": {7: np.nan}}, "t is nan in row 8: give a value in each row"),
         ({"t": {7: "07:30"}}, "t is '07:30' in row 8, which is no number: give one"),
