@@ -86,17 +86,20 @@ def test_a_program_s_page_in_the_report_is_that_of_the_command(tmp_path: Path) -
     assert figures[0] == figures[1]
 
 
-@pytest.mark.parametrize("simulated", [False, True])
-def test_a_program_as_written_has_the_page_of_the_command(tmp_path: Path, simulated: bool) -> None:
+@pytest.mark.parametrize(("simulated", "name"), [
+    ("", "SLOT as written"), ("S.nc", "S.nc"), ("SLOT", "SLOT as written"),
+])  # fmt: skip
+def test_a_program_as_written_has_the_page_of_the_command(
+    tmp_path: Path, simulated: str, name: str
+) -> None:
     """Where the report shows it simulated too, that page is the one of its cut."""
     cut = replace(made().cut, axes=(), edges=())
     folders = with_parts(tmp_path, machine(tmp_path, "m", days=3), {"SLOT": optimised()})
     time = SimulatedProgram(program="SLOT", machine="m", origin="simulated", file="parts/S.nc")
     write_json(CutProgram(time=time, cut=cut), tmp_path / "parts/m/as_written/SLOT.json")
-    name = "S.nc" if simulated else "SLOT as written"
     if simulated:
-        sure = replace(time, program=name, total_time_90_s=(29.0, 31.0))
-        write_json(sure, tmp_path / "programs/m/S.nc.json")
+        sure = replace(time, program=simulated, total_time_90_s=(29.0, 31.0))
+        write_json(sure, tmp_path / f"programs/m/{simulated}.json")
     write_report([folders], FLEET, None, tmp_path / "out")
     found = tmp_path / f"out/m_program_{name.replace(' ', '_')}.html"
     alone = tmp_path / "alone.html"
@@ -104,12 +107,31 @@ def test_a_program_as_written_has_the_page_of_the_command(tmp_path: Path, simula
     write_cut_page(shown, alone, tmp_path / "parts/m/as_written/SLOT.json")
     for of in (r'<section id="([a-z-]+)"', r"(?s)<svg.*?</svg>"):
         assert re.findall(of, found.read_text()) == re.findall(of, alone.read_text())
-    assert ("90\u202f% interval 29.0\u202fs to 31.0\u202fs" in found.read_text()) is simulated
+    assert ("90\u202f% interval 29.0\u202fs to 31.0\u202fs" in found.read_text()) is bool(simulated)
     programs = (tmp_path / "out/m_programs.html").read_text()
     assert [
         f'href="{page.name}"' in programs for page in (tmp_path / "out").glob("m_program_*")
     ] == [True, True]
     assert f'{found.name}">As written<' in (tmp_path / "out/m_program_SLOT.html").read_text()
+
+
+def test_two_parts_of_one_program_have_a_page_as_written_each(tmp_path: Path) -> None:
+    cut = replace(made().cut, axes=(), edges=())
+    parts = {"A": optimised(), "B": optimised()}
+    folders = with_parts(tmp_path, machine(tmp_path, "m", days=3), parts)
+    time = SimulatedProgram(program="S", machine="m", origin="simulated", file="parts/S.nc")
+    write_json(time, tmp_path / "programs/m/S.json")
+    for label in parts:
+        own = replace(cut, stock=replace(cut.stock, text=f"blank of {label}"))
+        document = CutProgram(time=replace(time, program=label), cut=own)
+        write_json(document, tmp_path / f"parts/m/as_written/{label}.json")
+    write_report([folders], FLEET, None, tmp_path / "out")
+    for label in parts:
+        text = (tmp_path / f"out/m_program_{label}.html").read_text()
+        (written,) = re.findall(r'href="([^"]*)">As written<', text)
+        shown = (tmp_path / "out" / written).read_text()
+        assert f"blank of {label}" in shown
+        assert re.findall(r'href="([^"]*)">Optimised<', shown) == [f"m_program_{label}.html"]
 
 
 def test_the_head_says_which_program_to_load(tmp_path: Path) -> None:
