@@ -196,7 +196,7 @@ def predict(
     with one_sentence(), outputs() as to:
         file = to.file(out, ".csv") or out
         rows, unknown = predict_table(machine, submodel, table, file, model)
-        to.say(f"wrote {rows} rows to {to.names(file)}")
+        to.say(f"wrote {many(rows, 'row')} to {to.names(file)}")
         for why in unknown:
             to.say(why)
 

@@ -343,8 +343,11 @@ def predict_table(
         read = pd.read_parquet if table.suffix == ".parquet" else pd.read_csv
         given = read(table)
     except (OSError, ValueError, EOFError, zlib.error) as error:
-        said = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise ValueError(f"{table} is no table of CSV or Parquet: {said}") from error
+        if not table.is_file():
+            raise ValueError(f"{table} is no file: name a table of inputs") from error
+        kind = "Parquet" if table.suffix == ".parquet" else "CSV"
+        state = f"is no table of {kind}, or is cut off" if table.stat().st_size else "is empty"
+        raise ValueError(f"{table} {state}: give a table of inputs") from error
     try:
         found = one.answer(folder)(given)
     except KeyError as error:

@@ -167,14 +167,18 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
     def answer(self, folder: Path) -> "Callable[[pd.DataFrame], pd.DataFrame]":
         """:meth:`serve`'s predictor, with NaN for the ends of intervals that are not known.
 
-        It raises ValueError where a column of numbers or times holds something else.
+        It raises ValueError for a table without a row, where a column of numbers or times holds
+        something else, and where one of texts lacks one.
         """
         predict, blank = self.serve(folder), set(self.unknown_columns(folder))
-        columns = self.example(folder).select_dtypes(["number", "datetimetz"])
+        columns = self.example(folder)
 
         def answered(table: "pd.DataFrame") -> "pd.DataFrame":
+            if not len(table):
+                raise ValueError("the table has no row: give a row of inputs")
             for name in columns.columns.intersection(table.columns):
-                _check_column(table[name], "time" if columns[name].dtype.kind == "M" else "number")
+                kind = columns[name].dtype.kind
+                _check_column(table[name], {"M": "time", "O": "text"}.get(kind, "number"))
             found = predict(table)
             return found.assign(**{name: float("nan") for name in found if name in blank})
 
@@ -234,13 +238,15 @@ def unknown_intervals(folder: Path) -> Mapping[tuple[str, str], str]:
 
 
 def _check_column(column: "pd.Series[Any]", kind: str) -> None:
-    """Refuse a column with something else than a number, or a time; missing values may be."""
+    """Refuse a column with something else than its kind; numbers and times may be missing."""
     import pandas as pd
 
-    read: Any = (
-        pd.to_numeric if kind == "number" else partial(pd.to_datetime, utc=True, format="ISO8601")
-    )
-    wrong = (read(column, errors="coerce").isna() & column.notna()).to_numpy()
+    if kind == "text":
+        wrong = ~column.map(lambda value: isinstance(value, str)).to_numpy(bool)
+    else:
+        times = partial(pd.to_datetime, utc=True, format="ISO8601")
+        read: Any = pd.to_numeric if kind == "number" else times
+        wrong = (read(column, errors="coerce").isna() & column.notna()).to_numpy()
     if wrong.any():
         row = int(wrong.argmax())
         raise ValueError(
