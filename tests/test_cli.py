@@ -276,9 +276,13 @@ def test_a_table_is_predicted_with_the_champion_or_the_latest(tmp_path: Path) ->
     assert found[values].to_numpy() == pytest.approx(expected[values].to_numpy(), nan_ok=True)
     latest = ("--model", "latest")
     (root / "bare.csv").write_text("time\n2026-01-05T08:00:00Z\n")
+    (root / "empty.csv").touch()
+    (root / "head.csv").write_text("time,spindle_temperature\n")
     (root / "cut.csv.gz").write_bytes(gzip.compress(b"time,t\n" + b"1,2\n" * 999)[:-9])
     for table, said in (
-        ("bare.csv", "has no column"), ("none.csv", "none.csv"), ("cut.csv.gz", "is no table"),
+        ("bare.csv", "has no column"), ("none.csv", "none.csv is no file: name a table"),
+        ("cut.csv.gz", "is no table of CSV, or is cut off"), ("empty.csv", "empty.csv is empty"),
+        ("head.csv", "the table has no row"),
     ):  # fmt: skip
         assert said in refused(
             root, "predict", "-m", MACHINE, "spindle", table, "--out", "q.csv", *latest

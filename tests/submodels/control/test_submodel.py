@@ -5,6 +5,7 @@ from dataclasses import replace
 from hashlib import sha256
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from pipeline.gcode.moves import Kind
@@ -232,6 +233,9 @@ def test_the_registry_serves_times_by_block(fitted, tmp_path):
         assert ends == pytest.approx(
             [(1 - 0.02 * factor) * total, (1 + 0.03 * factor) * total], abs=2e-3
         )
+    lacking = pd.concat([SUBMODEL.example(tmp_path), pd.DataFrame({"program": [None]})])
+    with pytest.raises(ValueError, match="program is None in row 2, which is no text"):
+        SUBMODEL.answer(tmp_path)(lacking)
 
 
 @pytest.mark.parametrize("text", [b"", b"[]", b"{}", b"\xff", b'{"control": {}}', b"null"])
