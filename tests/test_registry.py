@@ -332,7 +332,7 @@ def test_a_moved_project_predicts_what_the_bundle_predicts(root: Path, made: Pat
         load(MACHINE, "previous", root)
     for wrong, said in (
         (table.drop(columns="time"), "no column time"),
-        (table.head(0), "not known in the first row"),
+        (table.head(0), "the table has no row"),
     ):
         with pytest.raises(ValueError, match=said):
             predict(wrong)

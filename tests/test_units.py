@@ -223,8 +223,8 @@ def test_a_formula_has_a_unit_for_every_parameter_and_what_it_returns(name: str)
 def friction() -> Any:
     side = public("DirectionFriction")
     return public("FrictionParameters")(
-        positive=side(coulomb=300.0, static=400.0, viscous=2e3),
-        negative=side(coulomb=320.0, static=450.0, viscous=1e3),
+        positive=side(coulomb=300.0, static=400.0, stribeck_velocity=0.05, viscous=2e3),
+        negative=side(coulomb=320.0, static=450.0, stribeck_velocity=0.05, viscous=1e3),
     )
 
 

@@ -59,6 +59,22 @@ def as_read(text: str) -> str:
     return text
 
 
+def blank_words(stock: str) -> str:
+    """The blank of an option or a setting as a drawing has it; a file's name as it is.
+
+    >>> blank_words("box:0,80,0,60,-15,0"), blank_words("cylinder:0,0,50,-20,0.5")
+    ('a block of 80 × 60 × 15\u202fmm', 'a bar of Ø 50 × 20.5\u202fmm')
+    """
+    form, _, ends = stock.partition(":")
+    if form not in ("box", "cylinder"):
+        return stock
+    values = [float(end) for end in ends.split(",")]
+    if form == "cylinder":
+        return f"a bar of Ø {values[2]:g} × {values[4] - values[3]:g}{NARROW}mm"
+    sizes = [f"{high - low:g}" for low, high in zip(values[::2], values[1::2], strict=True)]
+    return f"a block of {' × '.join(sizes)}{NARROW}mm"
+
+
 def real(value: Any) -> float | None:
     """``value`` as a finite float, None for anything else (a boolean is not a number)."""
     if isinstance(value, bool) or not isinstance(value, int | float):

@@ -133,7 +133,7 @@ def test_what_a_part_names_must_be_there(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="'hers', which conf/tool/ does not have: it has mine"):
         named({"mine": 1}, "hers", "tool")
     for change, said in (
-        ({"program": "parts/O2.nc"}, "O2.nc does not exist: name a program of the machine"),
+        ({"program": "parts/O2.nc"}, "O2.nc is no file: name a part program"),
         ({"stock": "sphere:1"}, "sphere"),
     ):
         with pytest.raises(ValueError, match=said):

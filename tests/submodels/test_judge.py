@@ -206,7 +206,7 @@ def test_a_served_interval_that_is_not_known_is_empty_and_the_prediction_stands(
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(type(one), "serve", lambda self, folder: lambda table: served)
         patched.setattr(type(one), "example", lambda self, folder: pd.DataFrame())
-        found = one.answer(tmp_path)(pd.DataFrame())
+        found = one.answer(tmp_path)(pd.DataFrame({"t": [0.0]}))
     assert found["X_force"].tolist() == [1.0]
     assert found[["X_force_low", "X_force_high"]].isna().all(axis=None)
 

@@ -7,7 +7,7 @@ import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts import svg
-from pipeline.charts.numbers import counted, duration, number
+from pipeline.charts.numbers import blank_words, counted, duration, number
 from pipeline.charts.sections import Figure, Figures, Section, drawing, present
 from pipeline.charts.sources import Source
 from pipeline.charts.svg import anchor
@@ -215,7 +215,7 @@ def cut_page(program: Program, sources: list[Source], moves: list[Source]) -> St
     return StandalonePage(
         program=name,
         machine=machine,
-        about=f"Cut of {cut.stock.text} in {cut.material.name} on {machine}",
+        about=f"Cut of {blank_words(cut.stock.text)} in {cut.material.name} on {machine}",
         origin=program.origin,
         status=status,
         word=word,

@@ -3,7 +3,15 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipeline.charts.numbers import NARROW, as_stated, counted, duration, number, signed
+from pipeline.charts.numbers import (
+    NARROW,
+    as_stated,
+    blank_words,
+    counted,
+    duration,
+    number,
+    signed,
+)
 from pipeline.charts.sections import Figure, Figures, Section, drawing, present
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import Column, tabulated
@@ -67,8 +75,8 @@ def optimised_page(part: OptimisedPart, sources: list[Source]) -> StandalonePage
     return StandalonePage(
         program=part.program,
         machine=part.machine,
-        about=f"For {tables.aim(part)}: {part.stock} in {part.material} on {part.machine}, tools "
-        f"of {part.tool_table}"
+        about=f"For {tables.aim(part)}: {blank_words(part.stock)} in {part.material} on "
+        f"{part.machine}, tools of {part.tool_table}"
         + (". F is in inch, as the program writes it (G20); all else is in mm" if inch else ""),
         origin="simulated" if part.origin == "simulated" else "recorded",
         status=status,

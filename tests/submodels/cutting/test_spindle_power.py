@@ -225,7 +225,7 @@ def test_loads_not_known_do_not_count() -> None:
 
 def test_the_scale_is_said_in_words() -> None:
     assert METER.words == (
-        "load is a percentage of the power available at its speed; 10 kW from 3000 rpm, "
+        "load is a percentage of the power available at its speed; 10 kW from 3000 rev/min, "
         "efficiency 0.9"
     )
 
@@ -307,7 +307,7 @@ def test_cuts_beyond_the_speeds_of_the_no_load_record_do_not_count() -> None:
     idle = no_load(free)
     assert specific_force(load_levels(log, SCALE), idle).cuts == 3
     fast = cut_log(random, CUTS[3:], step=0.1, noise=0.1, spread=0.0)
-    with pytest.raises(ValueError, match="record cuts between 600 and 4500 rpm"):
+    with pytest.raises(ValueError, match="record cuts between 600 and 4500 rev/min"):
         specific_force(load_levels(fast, SCALE), idle)
 
 
