@@ -18,7 +18,6 @@ from pipeline.app.programs import (
     machine_limits,
     machine_setup,
     read_moves,
-    setup_beside,
 )
 from pipeline.app.tables import read_catalogue, read_material, read_tools, section
 from pipeline.cutting.catalogue import (
@@ -34,7 +33,7 @@ from pipeline.cutting.engagement.stock import height_map, stock_of
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.moves import METRE, FeedMode, Moves
 from pipeline.gcode.program import parse_program
-from pipeline.gcode.setup import Setup
+from pipeline.gcode.setup import Setup, setup_beside
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.optimisation.operations import MAY_BE, operations_without_cut
 from pipeline.optimisation.proof.prove import Proof, proved

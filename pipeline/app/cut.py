@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, cast, get_args
 
 from pipeline.app.output import aligned, between, many, rounded
-from pipeline.app.programs import Controlled, check_program, machine_residual
+from pipeline.app.programs import Controlled, machine_residual
 from pipeline.app.tables import read_material, read_tools, section
 from pipeline.cutting.catalogue import CuttingCatalogue
 from pipeline.cutting.economics.cost import CostRates, EnergyParameters
@@ -182,7 +182,6 @@ def request_of(
     moves: Moves | None = None,
 ) -> JobRequest:  # fmt: skip
     """Job of a program by the options and the machine's file."""
-    check_program(program)
     part, models = options.part, on.identified_models
     if settings.with_residual:
         residual, name = machine_residual(on)

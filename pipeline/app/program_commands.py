@@ -65,9 +65,9 @@ def interpret(
         moves_in_parts,
         passed_over,
         program_at,
-        setup_beside,
     )
     from pipeline.gcode.interpret import restart_at, restart_lines
+    from pipeline.gcode.setup import setup_beside
 
     with _working() as to:
         if out is None and at is None:

@@ -16,7 +16,7 @@ from pipeline.gcode.errors import NO_BLOCK
 from pipeline.gcode.interpret import interpret, interpret_in_parts
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, output_lines, read_program
-from pipeline.gcode.setup import MachineLimits, Setup
+from pipeline.gcode.setup import MachineLimits, Setup, setup_beside
 from pipeline.machine.control.parameters import ControlParameters, of_dialect
 from pipeline.parameters import RENAMED, structure
 from pipeline.schema.files import replacing
@@ -203,11 +203,6 @@ def check_program(path: Path) -> None:
     if not path.is_file():
         state = "is no file" if path.exists() else "does not exist"
         raise ValueError(f"{path} {state}: name a part program")
-
-
-def setup_beside(setup: Setup, path: Path) -> Setup:
-    """The set-up that also finds subprograms in the program's folder."""
-    return replace(setup, folders=(*setup.folders, path.resolve().parent))
 
 
 def write_csv(table: "pd.DataFrame", out: Path) -> None:

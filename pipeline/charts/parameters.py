@@ -37,11 +37,6 @@ CLOSE = 0.95
 """Correlation above which little more than the sum of two parameters is determined [1]."""
 
 
-def listed(meanings: Mapping[str, str]) -> Meaning:
-    """Meanings from a table by the last word of a parameter's name."""
-    return lambda group, name: meanings.get(name, meanings.get(name.rpartition(" ")[2], "–"))
-
-
 def in_units(p: Parameter, units: Units) -> Parameter:
     """A parameter with value, interval and unit as a shop speaks them.
 

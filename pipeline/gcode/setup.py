@@ -1,7 +1,7 @@
 """Control setup that a part program does not state: offsets, tool table, options of the control."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -121,3 +121,8 @@ class Setup(Ranged, section="setup"):
 
 
 BORING_SHIFTS = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
+
+
+def setup_beside(setup: Setup, path: Path) -> Setup:
+    """The set-up that also finds subprograms in the program's folder."""
+    return replace(setup, folders=(*setup.folders, path.resolve().parent))

@@ -15,7 +15,7 @@ from pipeline.gcode.errors import NO_BLOCK
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, read_program
-from pipeline.gcode.setup import Setup
+from pipeline.gcode.setup import Setup, setup_beside
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.optimisation.operation_signs import named_operation
 from pipeline.optimisation.settings import OptimisationSettings, Part
@@ -172,7 +172,7 @@ def job_request(
     """
     if not path.is_file():
         raise ValueError(f"{path} is no file: name a part program")
-    beside = replace(setup, folders=(*setup.folders, path.resolve().parent))
+    beside = setup_beside(setup, path)
     program = read_program(path)
     moves = interpret(program, beside) if moves is None else moves
     if len(moves) == 0:
