@@ -305,9 +305,12 @@ def _wanted(folder: Path, sources: Sequence["RecordSource"]) -> list[Path]:
 
 def fleet_status() -> list[dict[str, str]]:
     """Rows of every machine of the fleet: its sub-models, their verdicts, what serves."""
-    from pipeline.champions import status
+    from pipeline.champions.promotion import settle
+    from pipeline.champions.serving import status
 
     fleet = active_fleet()
+    for name in fleet.machines:
+        settle(name)
     return [row for name in fleet.machines for row in status(name, fleet.submodels_of(name))]
 
 
