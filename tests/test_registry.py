@@ -491,7 +491,7 @@ def test_the_commands_show_the_challenger_and_promote_it(root: Path) -> None:
         "machine": MACHINE, "origin": "simulated", "sub-model": "spindle", "latest": "passed",
         "champion": "passed", "serving": "version 1", "challenger": "version 2",
     }  # fmt: skip
-    assert "Missing option '--why'" in refused(root, "promote", "-m", MACHINE)
+    assert "needs a reason: give it with --why" in refused(root, "promote", "-m", MACHINE)
     done = kerf(root, "promote", "-m", MACHINE, "--why", "two kelvin better")
     said = f"{MACHINE}: version 2 is champion; commit champions.json and data/history\n"
     assert done.stdout == said

@@ -4,3 +4,5 @@
 serves at present; git holds both, so that a promotion is a commit.  ``data/champion`` holds the
 files, ``data/warm`` those of the one before; the aliases in the registry follow.
 """
+
+__all__ = ["challenge", "promotion", "serving"]

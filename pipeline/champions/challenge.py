@@ -14,7 +14,7 @@ from pipeline.champions.serving import (
 )
 from pipeline.registry.loading import checked_place
 from pipeline.registry.runs import register
-from pipeline.registry.store import versions
+from pipeline.registry.store import name_versions, versions
 from pipeline.schema.bundle import BUNDLE, Bundle, Champion, bundle_of
 from pipeline.schema.decision import Decision, Side
 from pipeline.schema.golden import GoldenSets, read_golden
@@ -65,13 +65,18 @@ def decide(
         raise ValueError(f"{machine} has no challenger: run `dvc repro` on new records to make one")
     champion = fill_champion(now.bundle, names, models, serves, root=root)
     version = register(challenger, folder, root, made_with=lambda: made_with(machine, names, root))
+    if to is None:
+        name_versions(machine, root, challenger=challenger.sha256)
     both = [n for n, one in challenger.submodels.items()
             if n in champion.submodels and champion.submodels[n].sha256 != one.sha256]  # fmt: skip
     serving = tuple(name for name in champion.submodels if now.serves(name))
     sets = read_golden(root / DATA / "golden" / f"{machine}.json")
+
+    def met(look: Look) -> list[Contest]:
+        return _contests(machine, both, (serves, folder), root, sets=sets, look=look)
+
     rules = first_rules(
-        _contests(machine, both, root, serves, folder, sets, "golden"),
-        _contests(machine, both, root, serves, folder, sets, "newest day"),
+        met("golden"), met("newest day"),
         champion=champion, challenger=challenger, serving=serving,
     )  # fmt: skip
     decision = Decision(
@@ -82,7 +87,7 @@ def decide(
     )  # fmt: skip
     if not (seal and sets and sets.sealed and (anyway or decision.may_serve)):
         return decision, ""
-    last = sealed_rule(_contests(machine, both, root, serves, folder, sets, "sealed"), serving)
+    last = sealed_rule(met("sealed"), serving)
     return replace(decision, rules=(*rules, last)), sets.sealed.sha256
 
 
@@ -125,13 +130,16 @@ def _serving(
 def _contests(
     machine: str,
     names: Sequence[str],
+    sides: tuple[Path, Path],
     root: Path,
-    champion: Path,
-    challenger: Path,
+    *,
     sets: GoldenSets | None,
     look: Look,
 ) -> list[Contest]:
-    """Champion against challenger in some sub-models, with the settings of params.yaml."""
+    """Contests of some sub-models between the folders of champion and challenger.
+
+    The settings are those of params.yaml.
+    """
     from pipeline.parameters import section_path, structure
     from pipeline.submodels.cases import Records
     from pipeline.submodels.contract import sections, submodel
@@ -147,11 +155,11 @@ def _contests(
         read = [
             Records(**{key: place for key, place in _places(machine, root, own).items()
                        if key in one.reads})
-            for own in (champion, challenger)
+            for own in sides
         ]  # fmt: skip
         met = contest(
-            one, one.judging(**judging), read, sets=sets, champion=champion / name,
-            challenger=challenger / name, settings=settings, look=look,
+            one, one.judging(**judging), read, sets=sets, champion=sides[0] / name,
+            challenger=sides[1] / name, settings=settings, look=look,
         )  # fmt: skip
         found += [met] if met is not None else []
     return found
