@@ -165,13 +165,14 @@ def predict(
     table: Annotated[Path, typer.Argument(help="Table of its inputs, CSV or Parquet.")],
     out: Annotated[Path, typer.Option(help="CSV or Parquet to write.")],
     model: kerf.Model = "champion",
+    anyway: kerf.Anyway = False,
 ) -> None:
     """Predict TABLE with a sub-model of MACHINE's champion."""
     from pipeline.app.programs import predict_table
 
     with one_sentence(), outputs() as to:
         file = to.file(out, ".csv") or out
-        rows, unknown = predict_table(machine, submodel, table, file, model)
+        rows, unknown = predict_table(machine, submodel, table, file, model, anyway=anyway)
         to.say(f"wrote {many(rows, 'row')} to {to.names(file)}")
         for why in unknown:
             to.say(why)

@@ -28,7 +28,6 @@ from pipeline.schema.bundle import (
 from pipeline.schema.history import Entry, read_history, served
 from pipeline.schema.store import StoreError, read_json
 from pipeline.schema.verdict import Verdict
-from pipeline.submodels.promotion import LACKING
 
 DATA = Path("data")
 NO_SUBMODEL = "none in this fleet: its page says what to record"
@@ -73,8 +72,8 @@ def first_champion(bundle: Bundle, root: Path = Path()) -> Champion:
 
 
 def serving_of(bundle: Bundle) -> tuple[str, ...]:
-    """Sub-models of a bundle that serve unless somebody says otherwise: none that failed."""
-    return tuple(name for name, one in bundle.submodels.items() if one.status not in LACKING)
+    """Sub-models of a bundle that serve unless somebody says otherwise: those that passed."""
+    return tuple(name for name, one in bundle.submodels.items() if one.status == "passed")
 
 
 def first_serving(newest: Bundle, registered: Sequence[Version]) -> str:

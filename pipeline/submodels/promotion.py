@@ -28,7 +28,7 @@ from pipeline.submodels.statistics import gains
 Look = Literal["golden", "newest day", "sealed"]
 """Cases that are looked at."""
 LACKING: tuple[Status, ...] = ("failed", "not judged")
-"""Statuses with which a sub-model does not serve, unless somebody says so."""
+"""Statuses that are a failure where the champion's is none of them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -326,8 +326,7 @@ def _better(contests: Sequence[Contest], champion: Bundle, challenger: Bundle) -
         f"{one.submodel} passed where the champion's {one.champion.replace('not', 'was not')}"
         for one in contests if one.submodel in passed and one.champion in LACKING
     ]  # fmt: skip
-    able = {name for name, one in challenger.submodels.items() if one.status not in LACKING}
-    compared = [c for one in contests if one.submodel in able for c in one.compared]
+    compared = [c for one in contests if one.submodel in passed for c in one.compared]
     better = [f"better: {one.words}" for one in compared if one.result == "better"]
     if gained or better:
         return Rule(name="better", result="kept", words=(*gained, *better))
