@@ -77,10 +77,13 @@ CREATED, RUN = "\0created", "\0run"
 """Keys beside the tags, which no tag can have: time of registration [ms] and run."""
 
 
-def _read(machine: str, database: Path) -> tuple[Tags, dict[str, int]]:
-    """Tags by version, and versions by alias, out of the sqlite file."""
+def _read(machine: str, database: Path, mode: str = "ro") -> tuple[Tags, dict[str, int]]:
+    """Tags by version, and versions by alias, out of the sqlite file.
+
+    Where a run broke off while it wrote, SQLite takes its half change back, and has to write.
+    """
     name = (model_name(machine),)
-    uri = f"file:{quote(str(database.resolve()))}?mode=ro"
+    uri = f"file:{quote(str(database.resolve()))}?mode={mode}"
     try:
         with closing(sqlite3.connect(uri, uri=True)) as store:
             tables = {row[0] for row in store.execute("SELECT name FROM sqlite_master")}
@@ -101,6 +104,8 @@ def _read(machine: str, database: Path) -> tuple[Tags, dict[str, int]]:
                 "SELECT alias, version FROM registered_model_aliases WHERE name = ?", name
             ).fetchall())  # fmt: skip
     except sqlite3.Error as error:
+        if mode == "ro" and error.sqlite_errorname.startswith("SQLITE_READONLY"):
+            return _read(machine, database, "rw")
         raise ValueError(f"the registry sqlite:///{database} cannot be opened: {error}") from error
     return found, aliases
 

@@ -4,6 +4,7 @@ import os
 import shutil
 import signal
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from random import Random
@@ -52,6 +53,7 @@ def killed_after(root: Path, operation: Callable[[Path], object], seconds: float
             operation(root)
             os._exit(0)
         except BaseException:  # noqa: BLE001, the parent sees the status
+            traceback.print_exc()
             os._exit(1)
     time.sleep(seconds)
     os.kill(child, signal.SIGKILL)
@@ -75,7 +77,9 @@ def test_there_is_one_champion_and_a_whole_history(
     both = {champion_of(MACHINE, one) for one in (start, taken)}
     bundles, draw = {one.bundle for one in both if one}, Random(name)
     for number in range(times):
-        root = shutil.copytree(start, tmp_path / "killed")
+        root = shutil.copytree(
+            start, tmp_path / f"killed{number}"
+        )  # stores are known by their place
         ended = killed_after(root, operation, draw.uniform(0, 1.2 * whole))
         entries = history_of(MACHINE, root)  # raises where the chain is not whole
         held = stored_bundle(root / CHAMPION, MACHINE)
