@@ -322,7 +322,8 @@ def predict_table(
 ) -> tuple[int, tuple[str, ...]]:
     """Predict a table of a sub-model's inputs with a machine's champion.
 
-    Refused where it did not pass, unless ``anyway``.  The number of rows, and a sentence on each interval that is not known, whose columns are empty.
+    Refused where it did not pass, unless ``anyway``.  The number of rows, and a sentence on each
+    interval that is not known, whose columns are empty.
     """
     import pandas as pd
 
