@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from urllib.error import URLError
 from urllib.request import urlopen
 
@@ -105,20 +106,25 @@ def postgres() -> Iterator[str]:
             yield f"postgresql+pg8000://team@127.0.0.1:{port}/postgres"
 
 
+def s3_client(address: str) -> Any:
+    """Client of the S3 store."""
+    import boto3
+
+    return boto3.client(
+        "s3", endpoint_url=address, aws_access_key_id="team", aws_secret_access_key="secret",
+        region_name="us-east-1",
+    )  # fmt: skip
+
+
 @contextmanager
 def s3() -> Iterator[str]:
     """Address of an S3 store with one empty bucket."""
-    import boto3
-
     port = free_port()
     address = f"http://127.0.0.1:{port}"
     with serving(
         sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port), port=port
     ):
-        boto3.client(
-            "s3", endpoint_url=address, aws_access_key_id="team", aws_secret_access_key="secret",
-            region_name="us-east-1",
-        ).create_bucket(Bucket=BUCKET)  # fmt: skip
+        s3_client(address).create_bucket(Bucket=BUCKET)
         yield address
 
 
