@@ -1,4 +1,4 @@
-"""A team's registry: MLflow's server on PostgreSQL, its files in an S3 store, two people at once."""
+"""A team's registry: MLflow's server on PostgreSQL and S3, two people at once."""
 
 import os
 import shutil

@@ -109,7 +109,7 @@ def place_of(version: Version, root: Path, part: Path = Path()) -> Path:
 
 
 def _brought(stored: str, part: Path, kept: Path) -> Path:
-    """Folder in ``kept`` with a part of a server's model: an address has the same files for good."""
+    """Folder in ``kept`` with a part of a server's model; an address never changes its files."""
     import mlflow
 
     whole = kept / hashlib.sha256(stored.encode()).hexdigest()[:32]
