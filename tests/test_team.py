@@ -13,7 +13,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from pipeline.champions import promote, status
+from pipeline.champions.promotion import promote
+from pipeline.champions.serving import status
 from pipeline.registry.loading import load
 from pipeline.registry.store import EXPERIMENT, client_of, versions
 from pipeline.schema.bundle import bundle_of
@@ -27,7 +28,7 @@ import sys, time
 from pathlib import Path
 import mlflow
 from tests.bundled_project import registered
-from pipeline.champions import promote
+from pipeline.champions.promotion import promote
 root, by, ready, go = sys.argv[1:]
 Path(ready).touch()
 while not Path(go).exists():

@@ -6,11 +6,13 @@ import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from pipeline.schema.bundle import Champion
+from pipeline.schema.history import stamp
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -39,6 +41,9 @@ class Version:
     status: str
     aliases: tuple[str, ...]
     tags: Mapping[str, str] = field(default_factory=dict)
+    created: str = ""
+    run: str = ""
+    """Time of its registration, UTC, and the id of its run."""
 
 
 def model_name(machine: str) -> str:
@@ -46,17 +51,21 @@ def model_name(machine: str) -> str:
     return f"kerf-{machine}"
 
 
+def is_server() -> bool:
+    """Whether the store is a server that several people share, not a file of this project."""
+    return bool(os.environ.get("MLFLOW_TRACKING_URI"))
+
+
 def exists(root: Path) -> bool:
     """Whether there is a registry to look into."""
-    return bool(os.environ.get("MLFLOW_TRACKING_URI")) or (root / DATABASE).exists()
+    return is_server() or (root / DATABASE).exists()
 
 
 def versions(machine: str, root: Path = Path()) -> list[Version]:
     """Registered versions of a machine's model, oldest first; ValueError if not readable."""
     if not exists(root):
         return []
-    server = bool(os.environ.get("MLFLOW_TRACKING_URI"))
-    tags, aliases = _of_server(machine, root) if server else _read(machine, root / DATABASE)
+    tags, aliases = _of_server(machine, root) if is_server() else _read(machine, root / DATABASE)
     return [
         Version(
             machine=machine,
@@ -64,29 +73,38 @@ def versions(machine: str, root: Path = Path()) -> list[Version]:
             bundle=said.get("bundle_sha256", ""),
             status=said.get("status", ""),
             aliases=tuple(sorted(alias for alias, n in aliases.items() if n == number)),
-            tags=said,
+            tags={key: value for key, value in said.items() if key not in (CREATED, RUN)},
+            created=stamp(datetime.fromtimestamp(int(said[CREATED]) / 1000, UTC)),
+            run=said[RUN],
         )
         for number, said in sorted(tags.items())
     ]
 
 
 Tags = dict[int, dict[str, str]]
+CREATED, RUN = "\0created", "\0run"
+"""Keys beside the tags, which no tag can have: time of registration [ms] and run."""
 
 
-def _read(machine: str, database: Path) -> tuple[Tags, dict[str, int]]:
-    """Tags by version, and versions by alias, out of the sqlite file."""
+def _read(machine: str, database: Path, mode: str = "ro") -> tuple[Tags, dict[str, int]]:
+    """Tags by version, and versions by alias, out of the sqlite file.
+
+    Where a run broke off while it wrote, SQLite takes its half change back, and has to write.
+    """
     name = (model_name(machine),)
-    uri = f"file:{quote(str(database.resolve()))}?mode=ro"
+    uri = f"file:{quote(str(database.resolve()))}?mode={mode}"
     try:
         with closing(sqlite3.connect(uri, uri=True)) as store:
             tables = {row[0] for row in store.execute("SELECT name FROM sqlite_master")}
             if "model_version_tags" not in tables:
                 return {}, {}
             numbers = store.execute(
-                "SELECT version FROM model_versions"
+                "SELECT version, creation_time, run_id FROM model_versions"
                 " WHERE name = ? AND current_stage != 'Deleted_Internal'", name,
             ).fetchall()  # fmt: skip
-            found: Tags = {number: {} for (number,) in numbers}
+            found: Tags = {
+                number: {CREATED: str(created), RUN: run or ""} for number, created, run in numbers
+            }
             for number, key, value in store.execute(
                 "SELECT version, key, value FROM model_version_tags WHERE name = ?", name
             ):
@@ -95,6 +113,8 @@ def _read(machine: str, database: Path) -> tuple[Tags, dict[str, int]]:
                 "SELECT alias, version FROM registered_model_aliases WHERE name = ?", name
             ).fetchall())  # fmt: skip
     except sqlite3.Error as error:
+        if mode == "ro" and error.sqlite_errorname.startswith("SQLITE_READONLY"):
+            return _read(machine, database, "rw")
         raise ValueError(f"the registry sqlite:///{database} cannot be opened: {error}") from error
     return found, aliases
 
@@ -108,7 +128,10 @@ def _of_server(machine: str, root: Path) -> tuple[Tags, dict[str, int]]:
             return {}, {}
         aliases = client.get_registered_model(model_name(machine)).aliases
     return (
-        {int(v.version): dict(v.tags) for v in found},
+        {
+            int(v.version): dict(v.tags) | {CREATED: str(v.creation_timestamp), RUN: v.run_id or ""}
+            for v in found
+        },
         {alias: int(number) for alias, number in aliases.items()},
     )
 
