@@ -143,7 +143,6 @@ def clones(server: Team, tmp_path: Path) -> dict[str, Path]:
 
 
 @pytest.mark.proof
-@pytest.mark.xfail(strict=False, reason="aliases and champions.json are written without a lock")
 def test_of_two_who_promote_at_once_one_wins_and_the_other_is_told(
     clones: dict[str, Path], tmp_path: Path
 ) -> None:
@@ -161,7 +160,6 @@ def test_of_two_who_promote_at_once_one_wins_and_the_other_is_told(
 
 
 @pytest.mark.proof
-@pytest.mark.xfail(strict=False, reason="a clone's champions.json overrules what the server says")
 def test_a_clone_that_did_not_hear_of_a_promotion_does_not_undo_it(
     clones: dict[str, Path],
 ) -> None:
