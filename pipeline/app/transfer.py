@@ -17,12 +17,13 @@ from pipeline.charts.sections import Figure, Figures, Section
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import Column, Table, tabulated
 from pipeline.parameters import section_path, structure
+from pipeline.report.provenance import UNKNOWN, Made
 from pipeline.report.standalone_page import StandalonePage, rendered, source_of
 from pipeline.schema.arrays import Floats
 from pipeline.schema.files import together
 from pipeline.schema.golden import read_golden
 from pipeline.schema.identity import MachineIdentity
-from pipeline.schema.store import read_json, write_json, write_text
+from pipeline.schema.store import read_json, write_json
 from pipeline.signals.windows import StateSegment
 from pipeline.submodels.cases import Case, Records
 from pipeline.submodels.contract import sections
@@ -170,11 +171,11 @@ DRAWN = {
 
 
 def write_transfer_page(
-    result: Transfer, out: Path, sources: Sequence[Source] = (), credit: str = ""
-) -> None:
+    result: Transfer, out: Path, sources: Sequence[Source] = (), credit: str = "",
+    made: Made = UNKNOWN,
+) -> None:  # fmt: skip
     """Write the page of a transfer."""
-    page = transfer_page(result, sources, credit)
-    write_text(rendered(page), out)
+    rendered(transfer_page(result, sources, credit), out.name, made).write(out)
 
 
 def transfer_page(result: Transfer, sources: Sequence[Source], credit: str = "") -> StandalonePage:

@@ -7,8 +7,10 @@ from pathlib import Path
 from pipeline.fleet import Fleet, missing
 from pipeline.report.folders import FleetInfo, MachineFolders
 from pipeline.report.pages import write_report
+from pipeline.report.provenance import RECORD, record_of
 from pipeline.report.texts import ReportSettings, texts
 from pipeline.schema.store import structured
+from pipeline.stages.code import stated
 
 LIBRARIES = ("numpy", "pandas", "pyarrow", "scikit-learn", "scipy")
 
@@ -23,6 +25,7 @@ def report(
     programs: Path,
     parts: Path,
     trials: Path,
+    settings: Path,
     reports: Path,
     metrics: Path,
     *,
@@ -31,6 +34,19 @@ def report(
     pages: ReportSettings,
 ) -> None:
     """Write a page for the fleet and for each machine, with key figures and metrics."""
+    folders = (signals, clean, models, champion, golden, truth, programs, parts, trials, settings)
+    machines, info = machines_of(*folders, fleet=fleet), info_of(fleet, budget)
+    written = write_report(machines, info, reports, reports, metrics, say=texts(pages.language))
+    kept = {path for page in written for path in (page, record_of(page))}
+    for path in {*reports.glob("*.html"), *reports.glob(f"*{RECORD}")} - kept:
+        path.unlink()
+
+
+def machines_of(
+    signals: Path, clean: Path, models: Path, champion: Path, golden: Path, truth: Path,
+    programs: Path, parts: Path, trials: Path, settings: Path, *, fleet: Fleet,
+) -> list[MachineFolders]:  # fmt: skip
+    """Folders of each machine of a fleet."""
     machines = []
     for name in fleet.machines:
         simulated = name in fleet.simulated
@@ -53,19 +69,21 @@ def report(
                 corrected=trials / f"{name}_command_correction.json"
                 if name in fleet.trials
                 else None,
+                settings=settings / f"{name}.json",
                 description=identity.get("description", ""),
                 credit=identity.get("credit", ""),
                 missing=tuple(missing(fleet, name)),
             )
         )
-    info = FleetInfo(
-        name=fleet.name,
-        budget=budget,
+    return machines
+
+
+def info_of(fleet: Fleet, budget: str) -> FleetInfo:
+    """State of the project: fleet, budget, libraries, and the hash of the code of the pages."""
+    return FleetInfo(
+        name=fleet.name, budget=budget, code=stated("report"),
         versions={name: version(name) for name in LIBRARIES},
-    )
-    written = write_report(machines, info, reports, reports, metrics, say=texts(pages.language))
-    for page in set(reports.glob("*.html")) - set(written):
-        page.unlink()
+    )  # fmt: skip
 
 
 def _identity(manifest: Path) -> dict[str, str]:
