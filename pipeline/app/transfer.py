@@ -10,6 +10,7 @@ from markupsafe import Markup
 
 from pipeline.app.fleet import DATA, machine_parameters, outside_fleet
 from pipeline.app.output import check_outputs, label
+from pipeline.app.page_record import made_by_command
 from pipeline.charts import svg
 from pipeline.charts.bands import UNITS, Band, band
 from pipeline.charts.numbers import NARROW, as_stated, counted, day_list, fixed, joined
@@ -97,7 +98,9 @@ def transfer_curve(
             sources = [source_of(one) for one in (out, path, manifest)]
             credits = [_credit(values, machine), _credit(theirs, golden)]
             credit = "; ".join(dict.fromkeys(one for one in credits if one))
-            write_transfer_page(found, page, sources, credit)
+            read = [path, manifest, sets, *sorted(clean.rglob("*.parquet"))]
+            made = made_by_command(golden, path.parents[1], values["machine"][machine], read)
+            write_transfer_page(found, page, sources, credit, made)
     return found
 
 

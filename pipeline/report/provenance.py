@@ -162,7 +162,7 @@ def single(sources: Iterable[Source]) -> list[Source]:
 def _data_hash(files: Sequence[Source]) -> str:
     if len(files) == 1:
         return files[0].sha256
-    return hash_of_files((one.path, one.sha256) for one in files) if files else ""
+    return hash_of_files(("", one.sha256) for one in files) if files else ""
 
 
 def values_of(shown: Any) -> tuple[tuple[str, ...], ...]:

@@ -1,6 +1,7 @@
 """Stage: pages of the fleet and of its machines."""
 
 import json
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -35,18 +36,16 @@ def report(
 ) -> None:
     """Write a page for the fleet and for each machine, with key figures and metrics."""
     folders = (signals, clean, models, champion, golden, truth, programs, parts, trials, settings)
-    machines, info = machines_of(*folders, fleet=fleet), info_of(fleet, budget)
+    machines, info = machines_of(folders, fleet), info_of(fleet, budget)
     written = write_report(machines, info, reports, reports, metrics, say=texts(pages.language))
     kept = {path for page in written for path in (page, record_of(page))}
     for path in {*reports.glob("*.html"), *reports.glob(f"*{RECORD}")} - kept:
         path.unlink()
 
 
-def machines_of(
-    signals: Path, clean: Path, models: Path, champion: Path, golden: Path, truth: Path,
-    programs: Path, parts: Path, trials: Path, settings: Path, *, fleet: Fleet,
-) -> list[MachineFolders]:  # fmt: skip
-    """Folders of each machine of a fleet."""
+def machines_of(folders: Sequence[Path], fleet: Fleet) -> list[MachineFolders]:
+    """Folders of each machine of a fleet, from those that stage ``report`` reads, in its order."""
+    signals, clean, models, champion, golden, truth, programs, parts, trials, settings = folders
     machines = []
     for name in fleet.machines:
         simulated = name in fleet.simulated

@@ -1,0 +1,360 @@
+"""Verification of pages: inputs by their hashes, figures computed again (`kerf verify`).
+
+A page of the report is rendered again from the files that it names, that of a command by the same
+command; each text and each line of a drawing is held against the page.  The errors of a sub-model
+are computed again from its predictions besides.
+"""
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from hashlib import sha256
+from html.parser import HTMLParser
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from pipeline.app.document_figures import document_figures
+from pipeline.app.fleet import DATA
+from pipeline.charts.sources import shown as as_named
+from pipeline.fleet import Fleet
+from pipeline.parameters import HASHES, SETTINGS, read_params, section_path, structure
+from pipeline.report.provenance import ALL, PageRecord, record_of
+from pipeline.report.texts import ReportSettings, texts
+from pipeline.schema.predictions import read_predictions
+from pipeline.schema.store import content, read_json
+from pipeline.schema.verdict import Verdict
+from pipeline.stages.__main__ import load_stage
+from pipeline.stages.code import stated
+from pipeline.submodels.contract import submodel, submodels
+
+MOST = 5
+"""Values of one figure that are named at most; the others are counted."""
+OUTPUTS = ("--out", "--json", "--page", "--corrected")
+"""Options of commands that name a file to write."""
+ERRORS = ("n", "mae", "rmse", "max", "bias", "relative_percent", "coverage_90")
+"""Errors of a score that are computed again."""
+TEXT = "text"
+"""Figure of words that stand in none."""
+REMEDY = "build the page again, `dvc repro report` or its command"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mismatch:
+    """A figure that is not what its inputs give, or an input that is not what it was."""
+
+    page: str
+    figure: str
+    """Identifier of the figure, ``text`` of words outside, or ``input``."""
+    shown: str
+    recomputed: str
+    file: str
+    """File that it was computed from."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verified:
+    """Result of a page: how many inputs and figures were compared, and what differs."""
+
+    page: str
+    inputs: int
+    figures: int
+    mismatches: tuple[Mismatch, ...]
+    note: str = ""
+
+
+def verify_all(paths: Iterable[Path], sample: int | None = None) -> list[Verified]:
+    """Verify pages and Markdown documents; those of a folder are its Markdown files."""
+    found = []
+    for path in paths:
+        if path.is_dir():
+            documents = sorted(path.rglob("*.md"))
+            if not documents:
+                raise ValueError(f"{path} holds no Markdown: name pages, as {path}/*.html")
+            found += [verify_document(one) for one in documents]
+        elif path.suffix == ".md":
+            found.append(verify_document(path))
+        else:
+            found.append(verify_page(path, sample))
+    return found
+
+
+def verify_document(path: Path) -> Verified:
+    """Verify the figures of a Markdown document that have a source."""
+    figures = list(document_figures(content(path, "name a page").decode(), Path(), str(path)))
+    stale = tuple(
+        Mismatch(page=str(path), figure=f"line {one.line}", shown=one.shown,
+                 recomputed=one.recomputed, file=one.source)
+        for one in figures if one.shown != one.recomputed
+    )  # fmt: skip
+    files = {one.source.partition("#")[0] for one in figures}
+    return Verified(page=str(path), inputs=len(files), figures=len(figures), mismatches=stale)
+
+
+def verify_page(page: Path, sample: int | None = None) -> Verified:
+    """Verify one page; ``sample`` is the number of figures that are compared, None for all."""
+    try:
+        html = content(page, "name a page of the report or of a command").decode()
+        record = read_json(record_of(page), PageRecord, REMEDY)
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{page} is no page of Kerf ({error}): {REMEDY}") from error
+    changed = list(_changed_inputs(page, record))
+    again, code = _again(page, record)
+    figures = _sample([one.id for one in record.figures], html, sample)
+    found = [*changed, *_compared(page, record, html, again, None if sample is None else figures)]
+    for name in submodels():
+        folder = _submodel_folder(record, name)
+        if folder is not None:
+            found += _scores_again(page, folder, name, sample)
+    note = "" if code == record.code else (
+        f"made by code {record.code[:12] or 'unknown'}, verified by {code[:12] or 'unknown'}"
+    )  # fmt: skip
+    return Verified(
+        page=str(page), inputs=len(record.files), figures=len(figures), mismatches=tuple(found),
+        note=note,
+    )  # fmt: skip
+
+
+def _sample(ids: Sequence[str], html: str, most: int | None) -> list[str]:
+    """Some figures, another choice for each content of a page, the same for the same."""
+    drawn = sorted(ids, key=lambda one: sha256(f"{one} {html}".encode()).digest())
+    return drawn[:most]
+
+
+def _changed_inputs(page: Path, record: PageRecord) -> Iterator[Mismatch]:
+    for file, named in record.files.items():
+        path = Path(file)
+        now = sha256(path.read_bytes()).hexdigest() if path.is_file() else "not there"
+        if now != named:
+            yield Mismatch(page=str(page), figure="input", shown=named[:12], recomputed=now[:12],
+                           file=file)  # fmt: skip
+
+
+# ---- the page, made again
+
+
+def _again(page: Path, record: PageRecord) -> tuple[str, str]:
+    """HTML of the page made again, and the hash of the code that made it."""
+    if record.command:
+        return _by_command(page, record.command)
+    pages = _report(page.parent)
+    if record.page not in pages:
+        raise ValueError(
+            f"{page} is no page of the fleet that is active here: make its fleet active with "
+            "`kerf fleet NAME`, or work in its project"
+        )
+    return pages[record.page], stated("report")
+
+
+@cache
+def _report(reports: Path) -> Mapping[str, str]:
+    """HTML of every page of the active fleet, held against the same earlier report."""
+    from pipeline.report.pages import report_of
+    from pipeline.stages.report import info_of, machines_of
+
+    values = read_params()
+    fleet = structure(values, "fleet", Fleet)
+    folders = [DATA / name for name in ("signals", "clean", "models", "champion", "golden", "truth",
+                                        "programs", "parts", "trials")]  # fmt: skip
+    machines = machines_of([*folders, SETTINGS / HASHES], fleet)
+    language = structure(values, "pages", ReportSettings).language
+    info = info_of(fleet, structure(values, "budget", str))
+    report = report_of(machines, info, reports, say=texts(language))
+    return {name: one.html for name, one in report.pages.items()}
+
+
+def _by_command(page: Path, words: Sequence[str]) -> tuple[str, str]:
+    """HTML of a command's page by the same command, its files written elsewhere."""
+    with TemporaryDirectory() as place:
+        elsewhere: dict[str, Path] = {}
+        call = list(_moved(words, Path(place), elsewhere))
+        done = subprocess.run(
+            [sys.executable, "-m", "pipeline.app", "-q", *call],
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        made = elsewhere.get("--page")
+        if made is None or not made.is_file():
+            said = (done.stderr.strip().splitlines() or ["it wrote no page"])[-1]
+            raise ValueError(f"{page}: `kerf {' '.join(words)}` does not make it again: {said}")
+        html = made.read_text(encoding="utf-8")
+        for option, path in elsewhere.items():
+            named = words[words.index(option) + 1] if option in words else path.name
+            html = html.replace(as_named(path), as_named(Path(named)))
+        return html, read_json(record_of(made), PageRecord).code
+
+
+def _moved(words: Sequence[str], place: Path, elsewhere: dict[str, Path]) -> Iterator[str]:
+    """Words of a command whose outputs are in another folder, each noted in ``elsewhere``."""
+    option = ""
+    for word in words:
+        name, is_joined, value = word.partition("=")
+        if option:
+            elsewhere[option] = place / Path(word).name
+            yield str(elsewhere[option]) if word != "-" else word
+            option = ""
+        elif name in OUTPUTS and is_joined:
+            elsewhere[name] = place / Path(value).name
+            yield f"{name}={elsewhere[name]}"
+        else:
+            option = word if word in OUTPUTS else ""
+            yield word
+
+
+# ---- what a page shows
+
+
+class _Shown(HTMLParser):
+    """Words and drawn lines of a page by the identifier of the figure or section around them."""
+
+    VOID = ("meta", "link", "br", "input", "img", "hr")
+
+    def __init__(self) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open: list[tuple[str, str]] = []
+        self.found: dict[str, list[str]] = {}
+
+    def _note(self, words: str) -> None:
+        place = self.open[-1][1] if self.open else TEXT
+        self.found.setdefault(place, []).append(words)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        own, drawn = dict(attrs), any(one == "svg" for one, _ in self.open)
+        place = self.open[-1][1] if self.open else TEXT
+        if own.get("id") and not drawn:
+            place = own["id"] or ""
+        if tag not in self.VOID:
+            self.open.append((tag, place))
+        for name, value in attrs:
+            if value and (drawn or name in ("title", "href", "content", "aria-label")):
+                self._note(value)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        if tag not in self.VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag: str) -> None:
+        while self.open and self.open.pop()[0] != tag:
+            pass
+
+    def handle_data(self, data: str) -> None:
+        if words := " ".join(data.split()):
+            self._note(words)
+
+
+def shown_by(html: str) -> dict[str, list[str]]:
+    """Words and drawn lines of a page by the figure or section that they stand in."""
+    reader = _Shown()
+    reader.feed(html)
+    return reader.found
+
+
+def _compared(
+    page: Path, record: PageRecord, html: str, again: str, only: Sequence[str] | None
+) -> Iterator[Mismatch]:
+    """Each figure whose words or lines differ, with the first of them."""
+    shown, right = shown_by(html), shown_by(again)
+    files = {one.id: one.files for one in record.figures}
+    for figure in {**shown, **right} if only is None else only:
+        one, other = shown.get(figure, []), right.get(figure, [])
+        pairs = list(_different(one, other))
+        named = [f for f in files.get(figure, (ALL,)) if f != ALL] or list(record.files)
+        more = f" (and {len(pairs) - MOST} more)" if len(pairs) > MOST else ""
+        file = ", ".join(named[:3]) + (", …" if len(named) > 3 else "")
+        for was, now in pairs[:MOST]:
+            yield Mismatch(
+                page=str(page), figure=figure, shown=was, recomputed=now + more, file=file
+            )
+
+
+def _different(one: Sequence[str], other: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Pairs of words that differ; of lists of another length where they part."""
+    if len(one) == len(other):
+        yield from (_around(a, b) for a, b in zip(one, other, strict=True) if a != b)
+        return
+    at = next((k for k, (a, b) in enumerate(zip(one, other, strict=False)) if a != b),
+              min(len(one), len(other)))  # fmt: skip
+    yield _around(one[at] if at < len(one) else "nothing",
+                  other[at] if at < len(other) else "nothing")  # fmt: skip
+
+
+def _around(one: str, other: str, most: int = 60) -> tuple[str, str]:
+    """Two long words cut to where they differ."""
+    if max(len(one), len(other)) <= most:
+        return one, other
+    at = next((k for k, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), 0)
+    start = max(at - 20, 0)
+    return tuple(f"{'…' * (start > 0)}{text[start : start + most]}" for text in (one, other))  # type: ignore[return-value]
+
+
+# ---- errors of a sub-model, from its predictions
+
+
+def _submodel_folder(record: PageRecord, name: str) -> Path | None:
+    """Folder of a sub-model whose verdict and predictions a page of it rests on."""
+    if not re.fullmatch(rf".+_{name}\.html", record.page):
+        return None
+    found = [Path(one).parent for one in record.files if one.endswith(f"/{name}/verdict.json")]
+    return found[0] if found and (found[0] / "predictions.parquet").is_file() else None
+
+
+def _scores_again(page: Path, folder: Path, name: str, sample: int | None) -> Iterator[Mismatch]:
+    """Errors of the stored verdict that the stored predictions do not give."""
+    from pipeline.submodels import scoring
+
+    verdict = read_json(folder / "verdict.json", Verdict)
+    frame, one = read_predictions(folder / "predictions.parquet"), submodel(name)
+    values = read_params()
+    settings = one.judging(**{
+        section: structure(values, section_path(values, section, verdict.machine), wanted)
+        for section, wanted in load_stage(f"judge_{name}").sections.items()
+    })  # fmt: skip
+    model = read_json(folder / "model.json", one.model)
+    targets = {(t.quantity, t.regime): t for t in one.targets(settings, model)}
+    alone = {(s.quantity, s.regime, s.role, s.group) for s in verdict.scores if s.alone}
+    for score in verdict.scores[:sample]:
+        target = targets.get((score.quantity, score.regime))
+        rows = frame.iloc[:0] if target is None else scoring.scored_rows(frame, target)
+        rows = rows[rows["role"] == score.role]
+        if score.group == scoring.ALL:
+            lone = {g for q, r, role, g in alone
+                    if (q, r, role) == (score.quantity, score.regime, score.role)}  # fmt: skip
+            rows = rows[~rows["group"].isin(lone)]
+        else:
+            rows = rows[rows["group"] == score.group]
+        if target is None or not len(rows):
+            continue
+        again: Any = scoring.score_of(rows, target, score.group, score.role)
+        for error in ERRORS:
+            was, now = getattr(score, error), getattr(again, error)
+            if not _equal(was, now):
+                regime = f", {score.regime}" if score.regime else ""
+                yield Mismatch(
+                    page=str(page), figure=f"{error} of {score.quantity}{regime}, {score.group}",
+                    shown=str(was), recomputed=str(now),
+                    file=(folder / "predictions.parquet").as_posix(),
+                )  # fmt: skip
+
+
+def _equal(one: float | None, other: float | None) -> bool:
+    """Whether two errors are the same to the six digits that are stored, but for the last one."""
+    if one is None or other is None:
+        return one == other
+    return abs(one - other) <= 2e-5 * max(abs(one), abs(other))
+
+
+def said(found: Iterable[Verified]) -> Iterator[str]:
+    """Lines of the command: each mismatch, then a line for each page."""
+    for one in found:
+        for bad in one.mismatches:
+            if bad.figure == "input":
+                yield f"{bad.page}: input {bad.file} was {bad.shown}, is {bad.recomputed}"
+            else:
+                yield (f"{bad.page}: {bad.figure} shows {bad.shown!r}, recomputed "
+                       f"{bad.recomputed!r} from {bad.file}")  # fmt: skip
+        result = f"{len(one.mismatches)} mismatches" if one.mismatches else "as shown"
+        note = f" ({one.note})" if one.note else ""
+        yield f"{one.page}: {one.inputs} inputs, {one.figures} figures: {result}{note}"
