@@ -58,11 +58,12 @@ def document_figures(text: str, root: Path, name: str) -> Iterator[DocumentFigur
                 f"{name}, line {line}: a line that begins with a comment is no Markdown, put a "
                 "word before the figure"
             )
+    read = cache(_document)
     for one in marks:
         line = plain.count("\n", 0, one.start()) + 1
         source = f"{one['file']}#{one['keys']}"
         try:
-            now = _words(_value(root / one["file"], one["keys"]), one["form"])
+            now = _words(_value(read(root / one["file"]), one["keys"]), one["form"])
         except (OSError, ValueError) as error:
             raise ValueError(f"{name}, line {line}: {source}: {error}") from error
         yield DocumentFigure(line=line, shown=one["shown"], source=source, recomputed=now)
@@ -85,14 +86,14 @@ def _with(mark: re.Match[str], words: str) -> str:
     return mark[0][:start] + words + mark[0][end:]
 
 
-def _value(path: Path, keys: str) -> Any:
+def _value(document: Any, keys: str) -> Any:
     """Value under ``keys``, or the relative change from one to another."""
     if CHANGE in keys:
-        before, after = (_value(path, one) for one in keys.split(CHANGE, 1))
+        before, after = (_value(document, one) for one in keys.split(CHANGE, 1))
         if not all(isinstance(one, int | float) for one in (before, after)) or not before:
             raise ValueError("a change needs two numbers, the first not 0")
         return after / before - 1
-    found = _document(path)
+    found = document
     for key in keys.split("/"):
         if not isinstance(found, dict) or key not in found:
             there = ", ".join(list(found)[:5]) if isinstance(found, dict) else repr(found)
@@ -103,7 +104,6 @@ def _value(path: Path, keys: str) -> Any:
     return found
 
 
-@cache
 def _document(path: Path) -> Any:
     return json.loads(path.read_text(encoding="utf-8"))
 

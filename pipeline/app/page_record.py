@@ -22,7 +22,8 @@ def made_by_command(
     """Origin of a page of ``machine``, of its sub-models in ``models`` and the files ``read``."""
     from pipeline.registry.provenance import CHAMPIONS, dirty, git
 
-    commit = git("rev-parse", "HEAD", root=PACKAGE)
+    checkout = (PACKAGE.parent / "dvc.yaml").is_file()  # else some repository around the library
+    commit = git("rev-parse", "HEAD", root=PACKAGE) if checkout else None
     bundle, number = _bundle(models), ""
     entry = read_champions(CHAMPIONS).machines.get(machine)
     if entry is not None and bundle == entry.bundle:

@@ -8,14 +8,16 @@ are computed again from its predictions besides.
 import re
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
 from html.parser import HTMLParser
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from pipeline.app.document_figures import document_figures
 from pipeline.app.fleet import DATA
@@ -24,19 +26,25 @@ from pipeline.fleet import Fleet
 from pipeline.parameters import HASHES, SETTINGS, read_params, section_path, structure
 from pipeline.report.provenance import ALL, PageRecord, record_of
 from pipeline.report.texts import ReportSettings, texts
-from pipeline.schema.predictions import read_predictions
+from pipeline.schema.predictions import BASELINE, read_predictions
 from pipeline.schema.store import content, read_json
-from pipeline.schema.verdict import Verdict
-from pipeline.stages.__main__ import load_stage
-from pipeline.stages.code import stated
-from pipeline.submodels.contract import submodel, submodels
+from pipeline.schema.verdict import Score, Verdict
+from pipeline.stages.report import code_of_pages, info_of, machines_of
+from pipeline.submodels.contract import Target, sections, submodel, submodels
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MOST = 5
 """Values of one figure that are named at most; the others are counted."""
 OUTPUTS = ("--out", "--json", "--page", "--corrected")
 """Options of commands that name a file to write."""
-ERRORS = ("n", "mae", "rmse", "max", "bias", "relative_percent", "coverage_90")
-"""Errors of a score that are computed again."""
+COMMANDS = ("simulate", "optimise", "transfer")
+"""Commands that make pages; a record that names another is not followed."""
+ALL_GROUPS = "all"
+"""Group of a score over all groups of a role."""
+LAST_DIGIT = 1e-5
+"""Relative difference of an error within the six digits that are stored."""
 TEXT = "text"
 """Figure of words that stand in none."""
 REMEDY = "build the page again, `dvc repro report` or its command"
@@ -68,7 +76,7 @@ class Verified:
 
 def verify_all(paths: Iterable[Path], sample: int | None = None) -> list[Verified]:
     """Verify pages and Markdown documents; those of a folder are its Markdown files."""
-    found = []
+    found, reports = [], cache(_report)
     for path in paths:
         if path.is_dir():
             documents = sorted(path.rglob("*.md"))
@@ -78,7 +86,7 @@ def verify_all(paths: Iterable[Path], sample: int | None = None) -> list[Verifie
         elif path.suffix == ".md":
             found.append(verify_document(path))
         else:
-            found.append(verify_page(path, sample))
+            found.append(verify_page(path, reports, sample))
     return found
 
 
@@ -94,7 +102,11 @@ def verify_document(path: Path) -> Verified:
     return Verified(page=str(path), inputs=len(files), figures=len(figures), mismatches=stale)
 
 
-def verify_page(page: Path, sample: int | None = None) -> Verified:
+Reports = Callable[[Path], Mapping[str, str]]
+"""HTML of every page of the active fleet, by the folder of its last report."""
+
+
+def verify_page(page: Path, reports: Reports, sample: int | None = None) -> Verified:
     """Verify one page; ``sample`` is the number of figures that are compared, None for all."""
     try:
         html = content(page, "name a page of the report or of a command").decode()
@@ -102,7 +114,7 @@ def verify_page(page: Path, sample: int | None = None) -> Verified:
     except UnicodeDecodeError as error:
         raise ValueError(f"{page} is no page of Kerf ({error}): {REMEDY}") from error
     changed = list(_changed_inputs(page, record))
-    again, code = _again(page, record)
+    again, code = _again(page, record, reports)
     figures = _sample([one.id for one in record.figures], html, sample)
     found = [*changed, *_compared(page, record, html, again, None if sample is None else figures)]
     for name in submodels():
@@ -136,24 +148,22 @@ def _changed_inputs(page: Path, record: PageRecord) -> Iterator[Mismatch]:
 # ---- the page, made again
 
 
-def _again(page: Path, record: PageRecord) -> tuple[str, str]:
+def _again(page: Path, record: PageRecord, reports: Reports) -> tuple[str, str]:
     """HTML of the page made again, and the hash of the code that made it."""
     if record.command:
         return _by_command(page, record.command)
-    pages = _report(page.parent)
+    pages = reports(page.parent)
     if record.page not in pages:
         raise ValueError(
             f"{page} is no page of the fleet that is active here: make its fleet active with "
             "`kerf fleet NAME`, or work in its project"
         )
-    return pages[record.page], stated("report")
+    return pages[record.page], code_of_pages()
 
 
-@cache
 def _report(reports: Path) -> Mapping[str, str]:
     """HTML of every page of the active fleet, held against the same earlier report."""
     from pipeline.report.pages import report_of
-    from pipeline.stages.report import info_of, machines_of
 
     values = read_params()
     fleet = structure(values, "fleet", Fleet)
@@ -168,6 +178,10 @@ def _report(reports: Path) -> Mapping[str, str]:
 
 def _by_command(page: Path, words: Sequence[str]) -> tuple[str, str]:
     """HTML of a command's page by the same command, its files written elsewhere."""
+    if words[0] not in COMMANDS:
+        raise ValueError(
+            f"{record_of(page)} names `kerf {words[0]}`, which makes no page: {REMEDY}"
+        )
     with TemporaryDirectory() as place:
         elsewhere: dict[str, Path] = {}
         call = list(_moved(words, Path(place), elsewhere))
@@ -303,47 +317,56 @@ def _submodel_folder(record: PageRecord, name: str) -> Path | None:
 
 def _scores_again(page: Path, folder: Path, name: str, sample: int | None) -> Iterator[Mismatch]:
     """Errors of the stored verdict that the stored predictions do not give."""
-    from pipeline.submodels import scoring
-
     verdict = read_json(folder / "verdict.json", Verdict)
     frame, one = read_predictions(folder / "predictions.parquet"), submodel(name)
     values = read_params()
     settings = one.judging(**{
         section: structure(values, section_path(values, section, verdict.machine), wanted)
-        for section, wanted in load_stage(f"judge_{name}").sections.items()
+        for section, wanted in sections(one.judging).items()
     })  # fmt: skip
     model = read_json(folder / "model.json", one.model)
     targets = {(t.quantity, t.regime): t for t in one.targets(settings, model)}
-    alone = {(s.quantity, s.regime, s.role, s.group) for s in verdict.scores if s.alone}
     for score in verdict.scores[:sample]:
         target = targets.get((score.quantity, score.regime))
-        rows = frame.iloc[:0] if target is None else scoring.scored_rows(frame, target)
-        rows = rows[rows["role"] == score.role]
-        if score.group == scoring.ALL:
-            lone = {g for q, r, role, g in alone
-                    if (q, r, role) == (score.quantity, score.regime, score.role)}  # fmt: skip
-            rows = rows[~rows["group"].isin(lone)]
-        else:
-            rows = rows[rows["group"] == score.group]
-        if target is None or not len(rows):
+        rows = None if target is None else _rows_of(score, target, verdict, frame)
+        if rows is None or not len(rows):
             continue
-        again: Any = scoring.score_of(rows, target, score.group, score.role)
-        for error in ERRORS:
-            was, now = getattr(score, error), getattr(again, error)
-            if not _equal(was, now):
+        error = (rows["predicted"] - rows["measured"]).to_numpy(float)
+        again = {
+            "n": len(error), "mae": np.abs(error).mean(), "rmse": np.sqrt((error**2).mean()),
+            "max": np.abs(error).max(), "bias": error.mean(),
+        }  # fmt: skip
+        for key, now in again.items():
+            was = getattr(score, key)
+            if was is not None and abs(was - now) > LAST_DIGIT * max(abs(was), again["rmse"]):
                 regime = f", {score.regime}" if score.regime else ""
                 yield Mismatch(
-                    page=str(page), figure=f"{error} of {score.quantity}{regime}, {score.group}",
-                    shown=str(was), recomputed=str(now),
+                    page=str(page), figure=f"{key} of {score.quantity}{regime}, {score.group}",
+                    shown=f"{was:.6g}", recomputed=f"{now:.6g}",
                     file=(folder / "predictions.parquet").as_posix(),
                 )  # fmt: skip
 
 
-def _equal(one: float | None, other: float | None) -> bool:
-    """Whether two errors are the same to the six digits that are stored, but for the last one."""
-    if one is None or other is None:
-        return one == other
-    return abs(one - other) <= 2e-5 * max(abs(one), abs(other))
+def _rows_of(
+    score: Score, target: Target, verdict: Verdict, frame: "pd.DataFrame"
+) -> "pd.DataFrame":
+    """Rows of a score: known, of its quantity, regime, role and group, with what it must beat."""
+    rows = frame[
+        (frame["quantity"] == score.quantity) & (frame["regime"] == score.regime)
+        & (frame["role"] == score.role) & frame["scored"]
+        & frame["measured"].notna() & frame["predicted"].notna()
+    ]  # fmt: skip
+    for name in target.must_beat:
+        if (column := f"{BASELINE}{name}") in rows:
+            known = rows[column].notna()
+            rows = rows[known | ~known.groupby(rows["case"]).transform("any")]
+    if score.group != ALL_GROUPS:
+        return rows[rows["group"] == score.group]
+    alone = [
+        one.group for one in verdict.scores if one.alone
+        and (one.quantity, one.regime, one.role) == (score.quantity, score.regime, score.role)
+    ]  # fmt: skip
+    return rows[~rows["group"].isin(alone)]
 
 
 def said(found: Iterable[Verified]) -> Iterator[str]:

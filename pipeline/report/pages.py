@@ -29,7 +29,7 @@ from pipeline.report.facts import (
     Status,
     machine_facts,
 )
-from pipeline.report.folders import PROGRAMS, FleetInfo, MachineFolders, evidence_page
+from pipeline.report.folders import PROGRAMS, RECORDS, FleetInfo, MachineFolders, evidence_page
 from pipeline.report.lead_page import lead_page
 from pipeline.report.optimised import tables
 from pipeline.report.optimised.page import optimised_page
@@ -425,9 +425,8 @@ def _machine_pages(
     in_english = renderer()
     for one in evidence:
         file = evidence_page(name, one.subject)
-        of = replace(
-            made, model=one.model or made.model, files=files_of(one.sections) or made.files
-        )
+        own = () if one.subject == RECORDS else files_of(one.sections)  # that names every file
+        of = replace(made, model=one.model or made.model, files=own or made.files)
         found[file] = in_english("evidence.html.j2", file, of, page=one, lead=page, fleet=fleet)
     of_programs = replace(made, files=())
     return found | {file: rendered(page, file, of_programs) for file, page in programs.items()}

@@ -8,7 +8,7 @@ builds again, have the commit too.
 """
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,6 @@ from pipeline.charts.numbers import as_read
 from pipeline.charts.sections import Block, Figure, Figures, Listing, Section
 from pipeline.charts.sources import Source, hash_of_files
 from pipeline.charts.tables import Table
-from pipeline.report.texts import Texts
 from pipeline.schema.store import write_json, write_text
 
 RECORD = ".figures.json"
@@ -111,7 +110,7 @@ def record_of(page: Path) -> Path:
 class Trace:
     """Collects the figures of a page while it is rendered; templates call it for each title."""
 
-    def __init__(self, say: Texts) -> None:
+    def __init__(self, say: Callable[..., str]) -> None:
         self.say = say
         self.made = Made()
         self.figures: list[ShownFigure] = []
@@ -135,7 +134,7 @@ class Trace:
     def _title(self, files: Sequence[Source]) -> Markup:
         made = self.made
         words = ", ".join(
-            f"{self.say(f'page.hash_{name}')} {value[:SHORT]}"
+            self.say(f"page.hash_{name}", hash=value[:SHORT])
             for name, value in (("data", _data_hash(files)), ("code", made.code),
                                 ("settings", made.settings), ("model", made.model))
             if value

@@ -1,6 +1,5 @@
 """Stage: hash of the code that each stage imports, comments and docstrings aside."""
 
-import json
 from collections.abc import Iterable
 from hashlib import sha256
 from pathlib import Path
@@ -8,8 +7,6 @@ from pathlib import Path
 from pipeline.schema.imports import Module, modules, reached
 from pipeline.schema.store import write_json
 
-CODE = Path("data/code.json")
-"""File of the hashes, on which every stage depends by its own."""
 VERBS = ("identify", "judge")
 NO_STAGES = {"__init__", "__main__", "identify", "inputs", "sections"}
 """Files of the stages' folder that are no stage of their name."""
@@ -18,14 +15,6 @@ NO_STAGES = {"__init__", "__main__", "identify", "inputs", "sections"}
 def code(code: Path) -> None:
     """Write a hash for each stage, of the code that it runs."""
     write_json(fingerprints(Path(__file__).parents[1]), code)
-
-
-def stated(stage: str) -> str:
-    """Hash of a stage's code as the stage ``code`` wrote it; empty where it did not."""
-    try:
-        return str(json.loads(CODE.read_text(encoding="utf-8")).get(stage, ""))
-    except (OSError, ValueError):
-        return ""
 
 
 def fingerprints(package: Path) -> dict[str, str]:

@@ -11,8 +11,9 @@ from pipeline.report.pages import write_report
 from pipeline.report.provenance import RECORD, record_of
 from pipeline.report.texts import ReportSettings, texts
 from pipeline.schema.store import structured
-from pipeline.stages.code import stated
 
+CODE = Path("data/code.json")
+"""Hash of the code of each stage, on which the stage depends."""
 LIBRARIES = ("numpy", "pandas", "pyarrow", "scikit-learn", "scipy")
 
 
@@ -80,9 +81,17 @@ def machines_of(folders: Sequence[Path], fleet: Fleet) -> list[MachineFolders]:
 def info_of(fleet: Fleet, budget: str) -> FleetInfo:
     """State of the project: fleet, budget, libraries, and the hash of the code of the pages."""
     return FleetInfo(
-        name=fleet.name, budget=budget, code=stated("report"),
+        name=fleet.name, budget=budget, code=code_of_pages(),
         versions={name: version(name) for name in LIBRARIES},
     )  # fmt: skip
+
+
+def code_of_pages() -> str:
+    """Hash of the code of this stage, as stage ``code`` wrote it; empty where it did not."""
+    try:
+        return str(json.loads(CODE.read_text(encoding="utf-8")).get("report", ""))
+    except (OSError, ValueError):
+        return ""
 
 
 def _identity(manifest: Path) -> dict[str, str]:
