@@ -212,6 +212,10 @@ def test_the_page_of_a_command_is_made_again_by_it(tmp_path: Path) -> None:
     assert record.command[:2] == ("simulate", "part.nc") and "part.nc" in record.files
     assert re.fullmatch(r"[0-9a-f]{40}", record.code) and record.dirty in ("true", "false")
     assert kerf(root, "verify", "cut.html").exit_code == 0
+    done = kerf(
+        root, "simulate", "part.nc", *words, "--json", "cut.figures.json", "--page", "cut.html"
+    )
+    assert done.exit_code == 2 and "is named for two outputs" in done.stderr
     changed(root / "part.nc", lambda text: text.replace("X30.", "X20."))
     lines = failed(kerf(root, "verify", "cut.html"))
     assert "input part.nc was" in lines[0] and any(": keys shows" in one for one in lines)

@@ -93,9 +93,10 @@ class RenderedPage:
     record: PageRecord
 
     def write(self, path: Path) -> None:
-        """Store the page and its record beside it."""
+        """Store the page and its record beside it; where the page is no file, it has none."""
+        if path.is_file() or not path.exists():  # not /dev/stdout
+            write_json(self.record, record_of(path))
         write_text(self.html, path)
-        write_json(self.record, record_of(path))
 
 
 def record_of(page: Path) -> Path:
