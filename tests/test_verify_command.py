@@ -77,7 +77,7 @@ def test_each_figure_names_its_hashes_in_its_title_and_its_files_beside_the_page
         r'title="(data \w{12}, code abcdef012345, settings \w{12}, model \w{12})"', html
     )
     assert len(stems) == len(record.figures) > 5
-    assert record.code == "abcdef0123456789" and not record.version
+    assert record.made.code == "abcdef0123456789" and not record.made.version
     for one in record.figures:
         assert f'id="{one.id}"' in html and one.values and set(one.files) <= set(record.files)
     keys = next(one for one in record.figures if one.id == "keys")
@@ -178,7 +178,9 @@ def test_bad_input_is_one_sentence(
 
 def test_a_record_runs_no_command_but_those_that_make_pages(project: Path) -> None:
     record = record_of(project / PAGE)
-    record.write_text(json.dumps(json.loads(record.read_text()) | {"command": ["report"]}))
+    document = json.loads(record.read_text())
+    document["made"]["command"] = ["report"]
+    record.write_text(json.dumps(document))
     assert "names `kerf report`, which makes no page" in kerf(project, "verify", PAGE).stderr
 
 
@@ -209,8 +211,8 @@ def test_the_page_of_a_command_is_made_again_by_it(tmp_path: Path) -> None:
     done = kerf(root, "simulate", "part.nc", *words, "--json", "cut.json", "--page", "cut.html")
     assert done.exit_code == 0, done.output
     record = read_json(record_of(root / "cut.html"), PageRecord)
-    assert record.command[:2] == ("simulate", "part.nc") and "part.nc" in record.files
-    assert re.fullmatch(r"[0-9a-f]{40}", record.code) and record.dirty in ("true", "false")
+    assert record.made.command[:2] == ("simulate", "part.nc") and "part.nc" in record.files
+    assert re.fullmatch(r"[0-9a-f]{40}", record.made.code) and record.made.dirty
     assert kerf(root, "verify", "cut.html").exit_code == 0
     done = kerf(
         root, "simulate", "part.nc", *words, "--json", "cut.figures.json", "--page", "cut.html"

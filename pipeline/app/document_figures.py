@@ -32,6 +32,8 @@ class DocumentFigure:
     """A figure of a document, with what its source says now."""
 
     line: int
+    place: tuple[int, int]
+    """Beginning and end of the text."""
     shown: str
     source: str
     """File and keys."""
@@ -39,51 +41,38 @@ class DocumentFigure:
 
 
 def document_figures(text: str, root: Path, name: str) -> Iterator[DocumentFigure]:
-    """Figures of a Markdown text with a source below ``root``.
+    """Figures of a Markdown text with a source below ``root``, those in blocks of code left out.
 
     ValueError, with ``name`` and line, where a source or a figure cannot be read.
     """
     plain = CODE.sub(lambda block: re.sub(r"[^\n]", " ", block[0]), text)
-    marks = list(MARK.finditer(plain))
-    whole = {one.start() for one in marks}
+    read = cache(lambda path: json.loads(path.read_text(encoding="utf-8")))
     for begun in OPEN.finditer(plain):
-        line = plain.count("\n", 0, begun.start()) + 1
-        if begun.start() not in whole:
+        line, one = plain.count("\n", 0, begun.start()) + 1, MARK.match(plain, begun.start())
+        if one is None:
             raise ValueError(
                 f"{name}, line {line}: the figure has no end, write "
                 "<!-- FILE.json#KEY -->FIGURE<!-- / -->"
             )
-        if plain[: begun.start()].rpartition("\n")[2].strip() == "":
+        if not plain[: begun.start()].rpartition("\n")[2].strip():
             raise ValueError(
                 f"{name}, line {line}: a line that begins with a comment is no Markdown, put a "
                 "word before the figure"
             )
-    read = cache(_document)
-    for one in marks:
-        line = plain.count("\n", 0, one.start()) + 1
         source = f"{one['file']}#{one['keys']}"
         try:
             now = _words(_value(read(root / one["file"]), one["keys"]), one["form"])
         except (OSError, ValueError) as error:
             raise ValueError(f"{name}, line {line}: {source}: {error}") from error
-        yield DocumentFigure(line=line, shown=one["shown"], source=source, recomputed=now)
+        yield DocumentFigure(line=line, place=one.span("shown"), shown=one["shown"],
+                             source=source, recomputed=now)  # fmt: skip
 
 
 def filled(text: str, root: Path, name: str) -> str:
     """The text with each figure as its source says it."""
-    figures = iter(list(document_figures(text, root, name)))
-    blocks, at, found = [*CODE.finditer(text)], 0, []
-    for one in [*blocks, None]:
-        part = text[at : one.start() if one else len(text)]
-        found.append(MARK.sub(lambda mark: _with(mark, next(figures).recomputed), part))
-        found.append(one[0] if one else "")
-        at = one.end() if one else at
-    return "".join(found)
-
-
-def _with(mark: re.Match[str], words: str) -> str:
-    start, end = (mark.span("shown")[k] - mark.start() for k in (0, 1))
-    return mark[0][:start] + words + mark[0][end:]
+    for one in reversed(list(document_figures(text, root, name))):
+        text = text[: one.place[0]] + one.recomputed + text[one.place[1] :]
+    return text
 
 
 def _value(document: Any, keys: str) -> Any:
@@ -104,15 +93,8 @@ def _value(document: Any, keys: str) -> Any:
     return found
 
 
-def _document(path: Path) -> Any:
-    return json.loads(path.read_text(encoding="utf-8"))
-
-
 def _words(value: Any, form: str | None) -> str:
     if isinstance(value, str | bool) or value is None:
         return str(value)
-    if form is None:
-        text = f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"
-    else:
-        text = format(value, form)
-    return text.replace("-", "\N{MINUS SIGN}").replace("%", " %")
+    digits = ".0f" if abs(value) >= 1000 else ".3g"
+    return format(value, form or digits).replace("-", "\N{MINUS SIGN}").replace("%", " %")

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
 from html.parser import HTMLParser
+from itertools import takewhile, zip_longest
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -113,17 +114,21 @@ def verify_page(page: Path, reports: Reports, sample: int | None = None) -> Veri
         record = read_json(record_of(page), PageRecord, REMEDY)
     except UnicodeDecodeError as error:
         raise ValueError(f"{page} is no page of Kerf ({error}): {REMEDY}") from error
-    changed = list(_changed_inputs(page, record))
-    again, code = _again(page, record, reports)
+    changed, made = list(_changed_inputs(page, record)), record.made.code
+    try:
+        again, code = _again(page, record, reports)
+    except ValueError as error:
+        if not changed:
+            raise
+        return Verified(page=str(page), inputs=len(record.files), figures=0,
+                        mismatches=tuple(changed), note=str(error))  # fmt: skip
     figures = _sample([one.id for one in record.figures], html, sample)
     found = [*changed, *_compared(page, record, html, again, None if sample is None else figures)]
-    for name in submodels():
-        folder = _submodel_folder(record, name)
-        if folder is not None:
+    folders = {name: _submodel_folder(record, name) for name in submodels()}
+    for name, folder in folders.items():
+        if folder is not None and not changed:
             found += _scores_again(page, folder, name, sample)
-    note = "" if code == record.code else (
-        f"made by code {record.code[:12] or 'unknown'}, verified by {code[:12] or 'unknown'}"
-    )  # fmt: skip
+    note = "" if code == made else f"made by code {made[:12]}, verified by {code[:12]}"
     return Verified(
         page=str(page), inputs=len(record.files), figures=len(figures), mismatches=tuple(found),
         note=note,
@@ -150,8 +155,8 @@ def _changed_inputs(page: Path, record: PageRecord) -> Iterator[Mismatch]:
 
 def _again(page: Path, record: PageRecord, reports: Reports) -> tuple[str, str]:
     """HTML of the page made again, and the hash of the code that made it."""
-    if record.command:
-        return _by_command(page, record.command)
+    if record.made.command:
+        return _by_command(page, record.made.command)
     pages = reports(page.parent)
     if record.page not in pages:
         raise ValueError(
@@ -182,39 +187,24 @@ def _by_command(page: Path, words: Sequence[str]) -> tuple[str, str]:
         raise ValueError(
             f"{record_of(page)} names `kerf {words[0]}`, which makes no page: {REMEDY}"
         )
+    call = [one for word in words
+            for one in (word.split("=", 1) if word.startswith(OUTPUTS) else (word,))]  # fmt: skip
     with TemporaryDirectory() as place:
-        elsewhere: dict[str, Path] = {}
-        call = list(_moved(words, Path(place), elsewhere))
+        named = {k + 1: Path(call[k + 1]) for k, word in enumerate(call[:-1]) if word in OUTPUTS}
+        moved = {k: Path(place) / path.name for k, path in named.items()}
         done = subprocess.run(
-            [sys.executable, "-m", "pipeline.app", "-q", *call],
+            [sys.executable, "-m", "pipeline.app", "-q",
+             *(str(moved.get(k, word)) for k, word in enumerate(call))],
             capture_output=True, text=True, check=False,
         )  # fmt: skip
-        made = elsewhere.get("--page")
-        if made is None or not made.is_file():
+        made = next(path for k, path in moved.items() if call[k - 1] == "--page")
+        if not made.is_file():
             said = (done.stderr.strip().splitlines() or ["it wrote no page"])[-1]
             raise ValueError(f"{page}: `kerf {' '.join(words)}` does not make it again: {said}")
         html = made.read_text(encoding="utf-8")
-        for option, path in elsewhere.items():
-            named = words[words.index(option) + 1] if option in words else path.name
-            html = html.replace(as_named(path), as_named(Path(named)))
-        return html, read_json(record_of(made), PageRecord).code
-
-
-def _moved(words: Sequence[str], place: Path, elsewhere: dict[str, Path]) -> Iterator[str]:
-    """Words of a command whose outputs are in another folder, each noted in ``elsewhere``."""
-    option = ""
-    for word in words:
-        name, is_joined, value = word.partition("=")
-        if option:
-            elsewhere[option] = place / Path(word).name
-            yield str(elsewhere[option]) if word != "-" else word
-            option = ""
-        elif name in OUTPUTS and is_joined:
-            elsewhere[name] = place / Path(value).name
-            yield f"{name}={elsewhere[name]}"
-        else:
-            option = word if word in OUTPUTS else ""
-            yield word
+        for k, path in moved.items():
+            html = html.replace(as_named(path), as_named(named[k]))
+        return html, read_json(record_of(made), PageRecord).made.code
 
 
 # ---- what a page shows
@@ -267,41 +257,30 @@ def shown_by(html: str) -> dict[str, list[str]]:
 
 
 def _compared(
-    page: Path, record: PageRecord, html: str, again: str, only: Sequence[str] | None
+    page: Path, record: PageRecord, html: str, again: str, only: Iterable[str] | None
 ) -> Iterator[Mismatch]:
     """Each figure whose words or lines differ, with the first of them."""
     shown, right = shown_by(html), shown_by(again)
     files = {one.id: one.files for one in record.figures}
     for figure in {**shown, **right} if only is None else only:
-        one, other = shown.get(figure, []), right.get(figure, [])
-        pairs = list(_different(one, other))
-        named = [f for f in files.get(figure, (ALL,)) if f != ALL] or list(record.files)
+        both = zip_longest(shown.get(figure, ()), right.get(figure, ()), fillvalue="nothing")
+        pairs = [(was, now) for was, now in both if was != now]
+        named = [one for one in files.get(figure, ()) if one != ALL] or list(record.files)
+        file = ", ".join([*named[:3], *["…"][: len(named) - 3]])
         more = f" (and {len(pairs) - MOST} more)" if len(pairs) > MOST else ""
-        file = ", ".join(named[:3]) + (", …" if len(named) > 3 else "")
         for was, now in pairs[:MOST]:
-            yield Mismatch(
-                page=str(page), figure=figure, shown=was, recomputed=now + more, file=file
-            )
-
-
-def _different(one: Sequence[str], other: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Pairs of words that differ; of lists of another length where they part."""
-    if len(one) == len(other):
-        yield from (_around(a, b) for a, b in zip(one, other, strict=True) if a != b)
-        return
-    at = next((k for k, (a, b) in enumerate(zip(one, other, strict=False)) if a != b),
-              min(len(one), len(other)))  # fmt: skip
-    yield _around(one[at] if at < len(one) else "nothing",
-                  other[at] if at < len(other) else "nothing")  # fmt: skip
+            one, other = _around(was, now)
+            yield Mismatch(page=str(page), figure=figure, shown=one, recomputed=other + more,
+                           file=file)  # fmt: skip
 
 
 def _around(one: str, other: str, most: int = 60) -> tuple[str, str]:
-    """Two long words cut to where they differ."""
+    """Two words, long ones cut to where they differ."""
     if max(len(one), len(other)) <= most:
         return one, other
-    at = next((k for k, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), 0)
-    start = max(at - 20, 0)
-    return tuple(f"{'…' * (start > 0)}{text[start : start + most]}" for text in (one, other))  # type: ignore[return-value]
+    same = takewhile(lambda pair: pair[0] == pair[1], zip(one, other, strict=False))
+    start = max(sum(1 for _ in same) - 20, 0)
+    return one[start : start + most], other[start : start + most]
 
 
 # ---- errors of a sub-model, from its predictions

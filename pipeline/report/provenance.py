@@ -9,7 +9,7 @@ builds again, have the commit too.
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -74,12 +74,7 @@ class PageRecord:
     """The record beside a page, ``<page>.figures.json``."""
 
     page: str
-    code: str
-    settings: str
-    model: str
-    version: str = ""
-    dirty: str = ""
-    command: tuple[str, ...] = ()
+    made: Made
     files: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of each file by its path."""
     figures: tuple[ShownFigure, ...] = ()
@@ -113,7 +108,7 @@ class Trace:
 
     def __init__(self, say: Callable[..., str]) -> None:
         self.say = say
-        self.made = Made()
+        self.made = UNKNOWN
         self.figures: list[ShownFigure] = []
         self.used: dict[str, Source] = {}
         self.titles: dict[tuple[str, ...], Markup] = {}
@@ -127,7 +122,7 @@ class Trace:
         own = single(getattr(shown, "sources", sources))
         key = tuple(one.path for one in own)
         if key not in self.titles:
-            self.titles[key] = self._title(own or list(self.made.files))
+            self.titles[key] = self._title(own or self.made.files)
         self.used |= {one.path: one for one in own or self.made.files}
         self.figures.append(ShownFigure(id=at, files=key or (ALL,), values=values_of(shown)))
         return self.titles[key]
@@ -145,13 +140,9 @@ class Trace:
 
     def record(self, page: str) -> PageRecord:
         """Record of the page as it was rendered."""
-        made = self.made
-        return PageRecord(
-            page=page, code=made.code, settings=made.settings, model=made.model,
-            version=made.version, dirty=made.dirty, command=made.command,
-            files={one.path: one.sha256 for _, one in sorted(self.used.items())},
-            figures=tuple(self.figures),
-        )  # fmt: skip
+        files = {path: one.sha256 for path, one in sorted(self.used.items())}
+        made = replace(self.made, files=())
+        return PageRecord(page=page, made=made, files=files, figures=tuple(self.figures))
 
 
 def single(sources: Iterable[Source]) -> list[Source]:
