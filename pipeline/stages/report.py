@@ -27,6 +27,7 @@ def report(
     programs: Path,
     parts: Path,
     trials: Path,
+    history: Path,
     settings: Path,
     reports: Path,
     metrics: Path,
@@ -36,7 +37,8 @@ def report(
     pages: ReportSettings,
 ) -> None:
     """Write a page for the fleet and for each machine, with key figures and metrics."""
-    folders = (signals, clean, models, champion, golden, truth, programs, parts, trials, settings)
+    folders = (signals, clean, models, champion, golden, truth, programs, parts, trials, history,
+               settings)  # fmt: skip
     machines, info = machines_of(folders, fleet), info_of(fleet, budget)
     written = write_report(machines, info, reports, reports, metrics, say=texts(pages.language))
     kept = {path for page in written for path in (page, record_of(page))}
@@ -46,7 +48,8 @@ def report(
 
 def machines_of(folders: Sequence[Path], fleet: Fleet) -> list[MachineFolders]:
     """Folders of each machine of a fleet, from those that stage ``report`` reads, in its order."""
-    signals, clean, models, champion, golden, truth, programs, parts, trials, settings = folders
+    signals, clean, models, champion, golden, truth, programs, parts, trials, *others = folders
+    history, settings = others
     machines = []
     for name in fleet.machines:
         simulated = name in fleet.simulated
@@ -65,6 +68,7 @@ def machines_of(folders: Sequence[Path], fleet: Fleet) -> list[MachineFolders]:
                 truth=truth / f"{name}.json" if simulated else None,
                 programs=programs / name,
                 parts=parts / name,
+                history=history / f"{name}.jsonl",
                 trial=trials / f"{name}.json" if name in fleet.trials else None,
                 corrected=trials / f"{name}_command_correction.json"
                 if name in fleet.trials
