@@ -93,7 +93,11 @@ def verify_all(paths: Iterable[Path], sample: int | None = None) -> list[Verifie
 
 def verify_document(path: Path) -> Verified:
     """Verify the figures of a Markdown document that have a source."""
-    figures = list(document_figures(content(path, "name a page").decode(), Path(), str(path)))
+    try:
+        text = content(path, "name a page or a document").decode()
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path} is no Markdown in UTF-8 ({error}): name another file") from error
+    figures = list(document_figures(text, Path(), str(path)))
     stale = tuple(
         Mismatch(page=str(path), figure=f"line {one.line}", shown=one.shown,
                  recomputed=one.recomputed, file=one.source)

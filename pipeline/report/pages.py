@@ -396,7 +396,7 @@ def report_of(
 
 
 def _made(facts: MachineFacts, fleet: FleetInfo) -> Made:
-    """What the pages of a machine are made by, of all of its files that were read by now."""
+    """Origin of a machine's pages, with all of its files that were read by now."""
     settings = facts.folders.settings
     own = None if settings is None else facts.shelf.source(settings)
     return Made(

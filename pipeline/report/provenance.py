@@ -27,8 +27,6 @@ SHORT = 12
 """Digits of a hash in a title."""
 ALL = "*"
 """Name for every file of a page, in the record of a figure."""
-KEYS = "keys"
-"""Identifier of the key numbers at the head of a page."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +44,7 @@ class ShownFigure:
 
 @dataclass(frozen=True, kw_only=True)
 class Made:
-    """What a page was made by: hashes of code and settings, model, and the command if any."""
+    """Origin of a page: hashes of code and settings, model, and the command if any."""
 
     code: str = ""
     """Hash of the code; of a command's page the commit, or the version where there is none."""
@@ -66,7 +64,7 @@ class Made:
 
 
 UNKNOWN = Made()
-"""Of a page of which nothing is said but its files."""
+"""Origin of a page of which only the files are known."""
 
 
 @dataclass(frozen=True, kw_only=True)
