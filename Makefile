@@ -41,6 +41,7 @@ benchmark: $(TESTS)
 	pytest tests/benchmarks --benchmark-only -s
 
 docs: $(TESTS)
+	python docs/site/validation.py --check
 	NO_MKDOCS_2_WARNING=1 mkdocs build --strict
 
 pictures: $(TESTS)

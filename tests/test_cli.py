@@ -54,7 +54,7 @@ from tests.small_project import (
 
 COMMANDS = (
     "ingest", "status", "report", "fleet", "golden", "promote", "predict", "interpret", "simulate",
-    "check", "optimise", "transfer", "thermal-growth", "wear", "synthesise",
+    "check", "optimise", "transfer", "thermal-growth", "wear", "synthesise", "verify",
 )  # fmt: skip
 
 

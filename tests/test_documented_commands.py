@@ -30,7 +30,8 @@ ELSEWHERE = {
     "thermal-growth": MODELS, "fleet": "names the user's own fleet", "golden": RECORDS,
     "ingest": RECORDS, "machine new": RECORDS, "optimise": MINUTES, "predict": MODELS,
     "promote": MODELS, "records": RECORDS, "report": "draws what the pipeline built",
-    "simulate --corrected": MODELS, "synthesise": MODELS, "transfer": MODELS, "wear": MODELS,
+    "simulate --corrected": MODELS, "synthesise": MODELS, "transfer": MODELS,
+    "verify": "reads pages that the pipeline built", "wear": MODELS,
 }  # fmt: skip
 """Why the others do not run here."""
 

@@ -34,7 +34,7 @@ def build(project: Path) -> None:
             "data/plots/mazak01_spindle")  # fmt: skip
         run("report", *(f"data/{p}" for p in ("signals", "clean", "models", "champion", "golden",
                                                "truth", "programs", "parts", "trials", "history")),
-            "reports", "data/metrics/report.json")  # fmt: skip
+            "data/settings/sections", "reports", "data/metrics/report.json")  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -43,7 +43,7 @@ def written(found: Transfer, folder: Path) -> Path:
 
 def drawn(page: Path, kind: str) -> list[int]:
     """Corners of each curve of a CSS class in the figure, legend left out."""
-    figure = re.search(r"<figure>.*?</figure>", page.read_text(), flags=re.S)
+    figure = re.search(r"<figure .*?</figure>", page.read_text(), flags=re.S)
     assert figure
     paths = re.findall(rf'<path d="([^"]*)" class="curve {kind}">', figure.group())
     return [1 + len(path.partition("l")[2].split()) // 2 for path in paths]

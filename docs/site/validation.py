@@ -1,9 +1,12 @@
-"""Validation pages and README's table of figures, made from the key figures in data/metrics.
+"""Validation pages, made from the key figures in data/metrics, and the figures of README and docs/.
 
-``python docs/site/validation.py`` writes README's table anew.
+``python docs/site/validation.py`` fills in each figure that stands beside its source, as
+``pipeline/app/document_figures.py`` says; with ``--check`` it names those that are stale.
 """
 
+import argparse
 import json
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,7 +14,10 @@ from typing import Any, NamedTuple
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
-README_BEGINS, README_ENDS = "<!-- figures of data/metrics -->\n", "<!-- end of figures -->\n"
+sys.path.insert(0, str(ROOT))
+
+from pipeline.app.document_figures import document_figures, filled  # noqa: E402
+
 REMEDY = "run `python docs/site/validation.py`"
 MOST_QUANTITIES = 12
 """Rows of a machine on a page; further quantities stand in its metrics file and report."""
@@ -236,52 +242,25 @@ def _percent(share: float | None) -> str:
     return "–" if share is None else f"{100 * share:.0f} %"
 
 
-README_ROWS = (
-    ("mazak01", "spindle", "spindle_temperature, windows", "persistence",
-     "winding temperature over 1 h"),
-    ("mazak01", "spindle", "spindle_temperature, free run", "persistence",
-     "winding temperature over a day"),
-    ("hurco", "control", "run time, whole run", "path over programmed feed",
-     "run time of a program"),
-    ("emps", "drive", "following error X", "speed_over_loop_gain",
-     "following error of a ball-screw drive"),
-    ("uniwear", "wear", "flank wear", "guess", "flank wear"),
-    ("mill01", "deformation", "growth", "persistence", "spindle growth"),
-    ("mill01", "cutting", "force in the plane of the feed", "plain", "cutting force"),
-)  # fmt: skip
-"""Machine, sub-model, quantity and baseline in its metrics, and README's words for the quantity."""
-BASELINES = {
-    "speed_over_loop_gain": "speed over loop gain",
-    "guess": "mean wear over the use",
-    "plain": "plain guess",
-}
-"""README's words for a baseline; others stand as they are."""
+def documents() -> list[Path]:
+    """README and the pages of docs/."""
+    return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
-def readme_table(metrics: Path) -> str:
-    """README's table of figures, in Markdown."""
-    simulated = simulated_machines()
-    rows = []
-    for machine, name, quantity, baseline, words in README_ROWS:
-        figures = _files(metrics, name)[machine]
-        values = figures[quantity]
-        saved = f"{_percent(values['skill_mae'][baseline])} ({BASELINES.get(baseline, baseline)})"
-        relative = f"{values['relative_percent']:.2g} %"
-        rows.append(
-            f"| {_label(machine, simulated)} | {words} | {_figure(values['rmse'])} "
-            f"{_unit(values)}, {relative} | {saved} | {figures['status']} "
-            f"| `judge_{name}@{machine}` |\n"
-        )
-    head = "| machine | predicted | RMSE | mean error saved against | verdict | `dvc repro` |\n"
-    return head + "|---|---|---|---|---|---|\n" + "".join(rows)
-
-
-def with_table(text: str, table: str) -> str:
-    """README's text with the table in its place."""
-    before, rest = text.split(README_BEGINS)
-    return before + README_BEGINS + table + README_ENDS + rest.split(README_ENDS)[1]
+def stale(path: Path) -> list[str]:
+    """Figures of a document that are not what their source says, each in a sentence."""
+    name = str(path.relative_to(ROOT))
+    return [
+        f"{name}, line {one.line}: {one.shown} is {one.recomputed} in {one.source}: {REMEDY}"
+        for one in document_figures(path.read_text(encoding="utf-8"), ROOT, name)
+        if one.shown != one.recomputed
+    ]
 
 
 if __name__ == "__main__":
-    readme = ROOT / "README.md"
-    readme.write_text(with_table(readme.read_text(), readme_table(ROOT / "data/metrics")))
+    parser = argparse.ArgumentParser(description="Fill in the figures of README and docs/.")
+    parser.add_argument("--check", action="store_true", help="name those that are stale instead")
+    if parser.parse_args().check:
+        sys.exit("\n".join(said for path in documents() for said in stale(path)) or None)
+    for path in documents():
+        path.write_text(filled(path.read_text(encoding="utf-8"), ROOT, path.name), encoding="utf-8")

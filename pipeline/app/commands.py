@@ -102,6 +102,30 @@ def report(
 
 
 @app.command(rich_help_panel=kerf.PROJECT)
+def verify(
+    pages: Annotated[
+        list[Path],
+        typer.Argument(help="Pages of the report or of commands; Markdown, or folders of it."),
+    ],
+    sample: Annotated[
+        int | None, typer.Option(help="Figures of each page to compare; all by default.", min=1)
+    ] = None,
+    json: kerf.Json = None,
+) -> None:
+    """Compute the figures of PAGES again from the files that they name; name what differs."""
+    from pipeline.app.verify import said, verify_all
+
+    with one_sentence(), outputs() as to:
+        to.ready(json, *pages)
+        found = verify_all(pages, sample)
+        to.json([asdict(one) for one in found], json)
+        for line in said(found):
+            to.say(line)
+    if any(one.mismatches for one in found):
+        raise typer.Exit(1)
+
+
+@app.command(rich_help_panel=kerf.PROJECT)
 def fleet(
     name: Annotated[str, typer.Argument(help="Fleet, as in conf/fleet/.")],
     recordings: Annotated[

@@ -18,7 +18,7 @@ import yaml
 
 from pipeline.app.output import LOG, check_folder
 from pipeline.fleet import Fleet
-from pipeline.parameters import ParametersError, read_params, read_yaml, structure
+from pipeline.parameters import HASHES, SETTINGS, ParametersError, read_params, read_yaml, structure
 from pipeline.schema.files import content_key, keep, kept, replacing
 from pipeline.schema.identity import MachineIdentity
 
@@ -337,7 +337,7 @@ def write_report(out: Path) -> Path:
         signals=DATA / "signals", clean=DATA / "clean", models=DATA / "models",
         champion=DATA / "champion", golden=DATA / "golden", truth=DATA / "truth",
         programs=DATA / "programs", parts=DATA / "parts", trials=DATA / "trials",
-        history=DATA / "history", reports=out,
+        history=DATA / "history", settings=SETTINGS / HASHES, reports=out,
         metrics=out / "metrics.json", fleet=structure(values, "fleet", Fleet),
         budget=structure(values, "budget", str), pages=structure(values, "pages", ReportSettings),
     )  # fmt: skip

@@ -4,6 +4,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
@@ -51,6 +52,8 @@ class OneSentence(TyperGroup):
         if args and (now := RENAMED.get(args[0])):
             raise _UsageError(f"`kerf {args[0]}` is called `kerf {now}` now", ctx)
         name, command, words = super().resolve_command(ctx, args)
+        if ctx.parent is None:
+            CALLED.set(tuple(args))
         params: list[Any] = [] if command is None or ctx.resilient_parsing else [*command.params]
         options = {word: one for one in params for word in one.opts if word.startswith("-")}
         given: set[str] = set()
@@ -91,6 +94,8 @@ def _usage_sentence(error: Any) -> str:
     return said
 
 
+CALLED: ContextVar[tuple[str, ...]] = ContextVar("CALLED", default=())
+"""Words of the command that runs, from its name on."""
 PROJECT = "Project and fleet, as in: kerf fleet demo"
 RECORDS = "Records, as in: kerf ingest log.txt --machine mill00 --out read"
 MODELS = "Models, as in: kerf promote --machine mill00 --why 'new probe'"

@@ -15,6 +15,7 @@ from pipeline.optimisation.document import optimised_part, optimised_text
 from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.report.optimised.page import write_optimised_page
+from pipeline.report.provenance import Made
 from pipeline.schema.files import together
 from pipeline.schema.part import OptimisedPart, part_values
 from pipeline.schema.part_sheet import ToolUse
@@ -73,14 +74,15 @@ def optimised_document(on: Controlled, result: Result, checked: Preflight) -> Op
 
 @together()
 def write_optimised(
-    result: Result, part: OptimisedPart, program: Path, json: Path | None, page: Path | None
-) -> None:
+    result: Result, part: OptimisedPart, made: Callable[[], Made], program: Path,
+    json: Path | None, page: Path | None,
+) -> None:  # fmt: skip
     """Write the program, and JSON and page where they are named."""
     write_bytes(optimised_text(result), program)
     if json is not None:
         write_json(part_values(part), json)
     if page is not None:
-        write_optimised_page(part, page, json)
+        write_optimised_page(part, page, json, made())
 
 
 @contextmanager

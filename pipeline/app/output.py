@@ -144,12 +144,19 @@ def check_outputs(program: Path | None, *outputs: Path | None, inputs: Sequence[
         if Path("conf").resolve() in path.resolve().parents:
             raise ValueError(f"{path} is in conf, which is read: name a file elsewhere")
     written = [path for path in outputs if path is not None]
+    written += [_record(path) for path in written if path.suffix == ".html"]
     for i, path in enumerate(written):
         ordinary = path.is_file() or not path.exists()  # not /dev/null
         if ordinary and any(_same(path, other) for other in written[:i]):
             raise ValueError(f"{path} is named for two outputs: name a file for each")
     for path in written:
         _check_writable(path)
+
+
+def _record(page: Path) -> Path:
+    from pipeline.report.provenance import record_of
+
+    return record_of(page)
 
 
 def check_folder(out: Path) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
-from functools import wraps
+from functools import partial, wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import Annotated, Any
@@ -336,6 +336,7 @@ def optimise(
         optimised_document,
         write_optimised,
     )
+    from pipeline.app.page_record import made_by_command
     from pipeline.app.programs import machine_control
     from pipeline.optimisation.optimise import optimise_worn
 
@@ -365,7 +366,9 @@ def optimise(
                 with stages_bar() as bar, step(f"optimised {program}"):
                     result = optimise_worn(request, lambda w, s: (bar(w, s), ending())[1])
                     part = optimised_document(on, result, checked)
-                write_optimised(result, part, written, *shown)
+                read = [program, *cut.files]
+                made = partial(made_by_command, machine, on.models, on.sections, read)
+                write_optimised(result, part, made, written, *shown)
         except KeyboardInterrupt as error:
             typer.echo("kerf: interrupted, nothing is written", err=True)
             raise typer.Exit(130) from error

@@ -355,10 +355,16 @@ def _write(
         with share_bar("writing positions") as share:
             write_trace(simulated.plan, request.out, share)
     if "cut" in document and request.page is not None:
+        from pipeline.app.page_record import made_by_command
         from pipeline.report.cut.page import write_cut_page
 
         shown = _shown(simulated, document, request.program.stem)
-        write_cut_page(shown, request.page, None if request.json == standard else request.json)
+        made = made_by_command(
+            simulated.on.machine, simulated.on.models, simulated.on.sections,
+            [request.program, *(request.cut.files if request.cut else ())],
+        )  # fmt: skip
+        source = None if request.json == standard else request.json
+        write_cut_page(shown, request.page, source, made)
 
 
 def _shown(simulated: Simulated, document: dict[str, Any], name: str) -> "Program":

@@ -10,6 +10,7 @@ from markupsafe import Markup
 
 from pipeline.app.fleet import DATA, machine_parameters, outside_fleet
 from pipeline.app.output import check_outputs, label
+from pipeline.app.page_record import made_by_command
 from pipeline.charts import svg
 from pipeline.charts.bands import UNITS, Band, band
 from pipeline.charts.numbers import NARROW, as_stated, counted, day_list, fixed, joined
@@ -17,12 +18,13 @@ from pipeline.charts.sections import Figure, Figures, Section
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import Column, Table, tabulated
 from pipeline.parameters import section_path, structure
+from pipeline.report.provenance import UNKNOWN, Made
 from pipeline.report.standalone_page import StandalonePage, rendered, source_of
 from pipeline.schema.arrays import Floats
 from pipeline.schema.files import together
 from pipeline.schema.golden import read_golden
 from pipeline.schema.identity import MachineIdentity
-from pipeline.schema.store import read_json, write_json, write_text
+from pipeline.schema.store import read_json, write_json
 from pipeline.signals.windows import StateSegment
 from pipeline.submodels.cases import Case, Records
 from pipeline.submodels.contract import sections
@@ -96,7 +98,9 @@ def transfer_curve(
             sources = [source_of(one) for one in (out, path, manifest)]
             credits = [_credit(values, machine), _credit(theirs, golden)]
             credit = "; ".join(dict.fromkeys(one for one in credits if one))
-            write_transfer_page(found, page, sources, credit)
+            read = [path, manifest, sets, *sorted(clean.rglob("*.parquet"))]
+            made = made_by_command(golden, path.parents[1], values["machine"][machine], read)
+            write_transfer_page(found, page, sources, credit, made)
     return found
 
 
@@ -170,11 +174,11 @@ DRAWN = {
 
 
 def write_transfer_page(
-    result: Transfer, out: Path, sources: Sequence[Source] = (), credit: str = ""
-) -> None:
+    result: Transfer, out: Path, sources: Sequence[Source] = (), credit: str = "",
+    made: Made = UNKNOWN,
+) -> None:  # fmt: skip
     """Write the page of a transfer."""
-    page = transfer_page(result, sources, credit)
-    write_text(rendered(page), out)
+    rendered(transfer_page(result, sources, credit), out.name, made).write(out)
 
 
 def transfer_page(result: Transfer, sources: Sequence[Source], credit: str = "") -> StandalonePage:

@@ -6,6 +6,7 @@ report.  What is absent or broken is remembered, so that the pages can say so.
 
 import hashlib
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -29,6 +30,8 @@ class Source:
     path: str
     sha256: str
     made_from: str = ""
+    files: tuple["Source", ...] = ()
+    """Single files, where the path names several together."""
 
 
 @dataclass
@@ -114,6 +117,12 @@ class SourceRegistry:
         sha256 = hashlib.sha256(content).hexdigest()
         self.used[shown(path)] = Source(path=shown(path), sha256=sha256, made_from=made_from)
         return content
+
+
+def hash_of_files(files: Iterable[tuple[str, str]]) -> str:
+    """One sha256 over names and hashes of files, in the order of their names."""
+    lines = "".join(f"{sha256}  {file}\n" for file, sha256 in sorted(files))
+    return hashlib.sha256(lines.encode()).hexdigest()
 
 
 def shown(path: Path) -> str:

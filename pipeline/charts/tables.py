@@ -140,7 +140,8 @@ def _together(folder: str, group: list[Source]) -> list[Source]:
     if len(group) <= MANY:
         return group
     path = f"{folder}/ ({len(group)} files)"
-    return [Source(path=path, sha256="", made_from=group[0].made_from)]
+    made_from = group[0].made_from
+    return [Source(path=path, sha256="", made_from=made_from, files=tuple(group))]
 
 
 def left_out(count: int, shown: int) -> str:

@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from pipeline.charts.sources import hash_of_files
 from pipeline.schema.bundle import MODEL, VERDICT, Bundle
 from pipeline.schema.imports import Module, libraries, modules
 from pipeline.schema.model import Model
@@ -77,12 +78,6 @@ def training_files(name: str, folder: Path) -> list[tuple[str, str]]:
     """Raw files that a sub-model in ``folder`` was fitted on, with the sha256 of each."""
     files = model_of_bundle(name, folder).training_files
     return sorted((file, sha256) for sha256, file in files.items())
-
-
-def hash_of_files(files: Iterable[tuple[str, str]]) -> str:
-    """One sha256 over names and hashes of files, in the order of their names."""
-    lines = "".join(f"{sha256}  {file}\n" for file, sha256 in sorted(files))
-    return hashlib.sha256(lines.encode()).hexdigest()
 
 
 def parameters_of(name: str, folder: Path) -> dict[str, str]:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.charts import svg
 from pipeline.charts.numbers import number
+from pipeline.charts.sources import hash_of_files
 from pipeline.registry.provenance import (
     flat,
-    hash_of_files,
     key_figures,
     model_of_bundle,
     parameters_of,

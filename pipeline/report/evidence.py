@@ -17,6 +17,7 @@ from pipeline.charts.numbers import (
 )
 from pipeline.charts.sections import Section, present
 from pipeline.charts.sources import Source, SourceRegistry
+from pipeline.charts.submodel_page import made_from
 from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources, tabulated
 from pipeline.report.alarms import alarms_section
 from pipeline.report.facts import MachineFacts, ModelledPart, StateLine, Truth, already
@@ -27,6 +28,7 @@ from pipeline.report.programs.simulated import programs_section
 from pipeline.report.records import records_section
 from pipeline.report.texts import ENGLISH
 from pipeline.report.work_section import work_section
+from pipeline.schema.bundle import MODEL, VERDICT
 from pipeline.schema.model import SourceFile
 
 MADE_FROM = "both commands of each program, driven on the simulated shop floor"
@@ -164,6 +166,10 @@ class EvidencePage:
     """Sections in reading order."""
     pages: list[tuple[str, str]] = field(default_factory=list)
     """Address and title of pages below this one: those of the programs."""
+    model: str = ""
+    """Hash of the sub-model; empty on pages of several."""
+    made_from: list[Source] = field(default_factory=list)
+    """Files of the key figures; empty for all that the page's other figures stand on."""
 
 
 def evidence_pages(facts: MachineFacts, changed: Section, notes: list[str]) -> list[EvidencePage]:
@@ -188,7 +194,8 @@ def _submodel_page(one: ModelledPart) -> EvidencePage:
     return EvidencePage(
         subject=one.name, title=f"{one.title[:1].upper()}{one.title[1:]}", state=state,
         key_figures=page.key_figures, notes=[*page.doubts, *page.notes],
-        sections=[*page.sections, *(truth if page.truth else [])],
+        sections=[*page.sections, *(truth if page.truth else [])], model=one.sha256,
+        made_from=made_from(one.shown, MODEL, VERDICT),
     )  # fmt: skip
 
 

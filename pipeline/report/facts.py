@@ -40,6 +40,12 @@ class ActionRow:
     href: str = ""
     english: tuple[str, ...] = ()
 
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """Action, place, reason and deadline of the row, as they were contributed."""
+        one = self.action
+        return (one.what, one.where, one.why, one.until)
+
     def until(self, say: Texts) -> str:
         """Deadline, in words."""
         key = f"until.{self.action.until}"
@@ -104,6 +110,8 @@ class ModelledPart:
     title: str
     shown: Shown[Any]
     page: SubModelPage
+    sha256: str = ""
+    """Hash of the files that predict; empty where there is no model."""
 
     @property
     def model(self) -> Model | None:
@@ -154,7 +162,8 @@ def _part(
     )
     subject = Subject(name=name, title=one.title, needs=one.needs)
     page = submodel_page(shown, subject, one.page(shown) or PageContent())
-    return ModelledPart(name=name, title=one.title, shown=shown, page=page)
+    sha256 = "" if shown.model is None else model_hash(folder)
+    return ModelledPart(name=name, title=one.title, shown=shown, page=page, sha256=sha256)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,7 +188,7 @@ def serving(
     bundle = shelf.read(path, Bundle, "the promotion of a registered version")
     if bundle is None:
         return None
-    latest = {one.name: model_hash(one.shown.folder) for one in parts if one.model is not None}
+    latest = {one.name: one.sha256 for one in parts if one.sha256}
     champion = {name: one.sha256 for name, one in bundle.submodels.items()}
     names = dict.fromkeys([*(one.name for one in parts), *champion])
     older = tuple(name for name in names if latest.get(name) != champion.get(name))
@@ -303,6 +312,8 @@ class MachineFacts:
 def machine_facts(folders: MachineFolders) -> MachineFacts:
     """Everything that the files of one machine hold."""
     shelf = SourceRegistry()
+    if folders.settings is not None:
+        shelf.document(folders.settings, "the settings in conf/")
     truth = _truth(folders, shelf)
     golden = shelf.read(folders.golden, GoldenSets, "raw files, frozen by hash")
     models = modelled_parts(folders, shelf, None if truth is None else truth.document)

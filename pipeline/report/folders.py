@@ -41,6 +41,8 @@ class MachineFolders:
     """JSON of what the simulated shop floor made of them; None where none was cut."""
     corrected: Path | None = None
     """JSON of corrected commands driven on the simulated shop floor; None where none were."""
+    settings: Path | None = None
+    """JSON with the hashes of the machine's settings by section; may be absent."""
     description: str = ""
     """Description of the machine in a sentence."""
     credit: str = ""
@@ -69,6 +71,8 @@ class FleetInfo:
     git_commit: str | None = None
     params_sha256: str | None = None
     """State of the code and of params.yaml that the results come from; None without it."""
+    code: str = ""
+    """Hash of the code that makes the pages; empty where it is not known."""
     budget: str = "default"
     """Name of the budget that the stages ran under."""
     notes: tuple[str, ...] = ()

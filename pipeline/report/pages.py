@@ -15,7 +15,7 @@ from pathlib import Path
 
 from pipeline.charts.numbers import NARROW, number, signed
 from pipeline.charts.sections import PartVerdict, Section, present
-from pipeline.charts.sources import SourceRegistry
+from pipeline.charts.sources import SourceRegistry, hash_of_files
 from pipeline.charts.tables import Column, Table, sources, tabulated
 from pipeline.report import changes
 from pipeline.report.cut.page import cut_page
@@ -29,18 +29,19 @@ from pipeline.report.facts import (
     Status,
     machine_facts,
 )
-from pipeline.report.folders import PROGRAMS, FleetInfo, MachineFolders, evidence_page
+from pipeline.report.folders import PROGRAMS, RECORDS, FleetInfo, MachineFolders, evidence_page
 from pipeline.report.lead_page import lead_page
 from pipeline.report.optimised import tables
 from pipeline.report.optimised.page import optimised_page
 from pipeline.report.part_programs import PartProgram, PartPrograms
 from pipeline.report.programs.simulated import feed_classes, simulated_page
+from pipeline.report.provenance import Made, RenderedPage, files_of
 from pipeline.report.standalone_page import StandalonePage, rendered, renderer
 from pipeline.report.texts import ENGLISH, Texts
 from pipeline.report.verdict import machine_notes, machine_verdict
 from pipeline.schema.files import together
 from pipeline.schema.part import Side
-from pipeline.schema.store import write_json, write_text
+from pipeline.schema.store import write_json
 
 GROUPS = ("now", "maintenance", "twin", "other", "nothing", "unknown")
 """Groups by their key in the texts, in the order of the page."""
@@ -66,6 +67,12 @@ class FleetRow:
     def first(self) -> ActionRow | None:
         """The action that comes first; None without any."""
         return next(iter(self.verdict.actions), None)
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """Machine, states, number of actions and last record of the row."""
+        states = self.verdict.condition.word, self.verdict.twin.word
+        return (self.folders.name, *states, str(len(self.verdict.actions)), self.last)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -307,6 +314,17 @@ class ReportMetrics:
     machines: Mapping[str, MachineMetrics]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """A report before it is written: pages by file, key figures, and what they are held against."""
+
+    pages: Mapping[str, RenderedPage]
+    facts: Mapping[str, MachineFacts]
+    judged: Mapping[str, MachineVerdict]
+    figures: Mapping[str, changes.MachineFigures]
+    earlier: changes.Earlier
+
+
 @together()
 def write_report(
     machines: list[MachineFolders],
@@ -319,15 +337,33 @@ def write_report(
 ) -> list[Path]:
     """Write the pages of a fleet and ``out/report.json``, and return every page.
 
+    See :func:`report_of`. Each page has its record beside it. ``metrics`` is the file of the
+    report's metrics. ValueError when two machines have the same name, or two pages would.
+    """
+    report = report_of(machines, fleet, previous, say=say)
+    for page, one in report.pages.items():
+        one.write(out / page)
+    changes.write_key_figures(out / "report.json", report.figures, report.earlier)
+    if metrics is not None:
+        write_json(_metrics(report.facts, report.judged), metrics)
+    return [out / page for page in report.pages]
+
+
+def report_of(
+    machines: list[MachineFolders], fleet: FleetInfo, previous: Path | None, *,
+    say: Texts = ENGLISH,
+) -> Report:  # fmt: skip
+    """Every page of a fleet.
+
     Those are ``index.html``, ``<machine>.html`` for its lead, and for the evidence
     ``<machine>_<sub-model>.html``, ``<machine>_programs.html``, ``<machine>_records.html`` and for
     each part program ``<machine>_program_<name>.html``.
 
     Files of ``machines`` that are absent are reported, not raised. ``previous`` is the
     ``report.json`` of the last report, or its folder, which may be ``out``; written again with
-    nothing changed, the pages are the same bytes. ``metrics`` is the file of the report's metrics.
-    The fleet's and the leads' pages are in the language of ``say``, those of evidence in English.
-    ValueError when two machines have the same name, or two pages would.
+    nothing changed, the pages are the same bytes. The fleet's and the leads' pages are in the
+    language of ``say``, those of evidence in English. ValueError when two machines have the same
+    name, or two pages would.
     """
     names = [m.name for m in machines]
     double = sorted({n for n in names if names.count(n) > 1})
@@ -337,7 +373,7 @@ def write_report(
     judged = {name: machine_verdict(f, say) for name, f in facts.items()}
     figures = {name: changes.key_figures(f, judged[name]) for name, f in facts.items()}
     earlier = changes.earlier_report(previous, figures)
-    pages: dict[str, str] = {}
+    pages: dict[str, RenderedPage] = {}
     for name in names:
         made = _machine_pages(facts[name], judged[name], earlier, figures[name], fleet, say)
         twice = sorted(set(made) & set(pages))
@@ -347,20 +383,34 @@ def write_report(
             )
         pages |= made
     index = fleet_page([fleet_row(facts[name], judged[name], say) for name in names], say)
-    pages["index.html"] = renderer(say)("index.html.j2", index=index, fleet=fleet)
-    for page, text in pages.items():
-        write_text(text, out / page)
-    changes.write_key_figures(out / "report.json", figures, earlier)
-    if metrics is not None:
-        write_json(_metrics(facts, judged), metrics)
-    return [out / page for page in pages]
+    by = [_made(one, fleet) for one in facts.values()]
+    whole = Made(
+        code=fleet.code, files=tuple(file for one in by for file in one.files),
+        settings=hash_of_files((one.settings, "") for one in by if one.settings),
+        model=hash_of_files((one.model, "") for one in by if one.model),
+    )  # fmt: skip
+    pages["index.html"] = renderer(say)(
+        "index.html.j2", "index.html", whole, index=index, fleet=fleet
+    )
+    return Report(pages=pages, facts=facts, judged=judged, figures=figures, earlier=earlier)
+
+
+def _made(facts: MachineFacts, fleet: FleetInfo) -> Made:
+    """Origin of a machine's pages, with all of its files that were read by now."""
+    settings = facts.folders.settings
+    own = None if settings is None else facts.shelf.source(settings)
+    return Made(
+        code=fleet.code, settings="" if own is None else own.sha256,
+        model="" if facts.serving is None else facts.serving.bundle.sha256,
+        files=tuple(facts.shelf.used.values()),
+    )  # fmt: skip
 
 
 def _machine_pages(
     facts: MachineFacts, verdict: MachineVerdict, earlier: changes.Earlier,
     now: changes.MachineFigures, fleet: FleetInfo, say: Texts,
-) -> dict[str, str]:  # fmt: skip
-    """HTML of the pages of one machine by file; those of evidence are in English."""
+) -> dict[str, RenderedPage]:  # fmt: skip
+    """Pages of one machine by file; those of evidence are in English."""
     name = facts.folders.name
     before = (earlier.machines or {}).get(name)
     changed = changes.changes_section(*_compared(earlier, facts, now, ENGLISH))
@@ -369,12 +419,17 @@ def _machine_pages(
         facts, verdict, evidence, *_compared(earlier, facts, now, say),
         since=changes.since_words(before, say), say=say,
     )  # fmt: skip
-    found = {f"{name}.html": renderer(say)("machine.html.j2", page=page, fleet=fleet)}
+    programs = dict(machine_program_pages(facts))
+    made, file = _made(facts, fleet), f"{name}.html"
+    found = {file: renderer(say)("machine.html.j2", file, made, page=page, fleet=fleet)}
     in_english = renderer()
     for one in evidence:
-        text = in_english("evidence.html.j2", page=one, lead=page, fleet=fleet)
-        found[evidence_page(name, one.subject)] = text
-    return found | {file: rendered(page) for file, page in machine_program_pages(facts)}
+        file = evidence_page(name, one.subject)
+        own = () if one.subject == RECORDS else files_of(one.sections)  # that names every file
+        of = replace(made, model=one.model or made.model, files=own or made.files)
+        found[file] = in_english("evidence.html.j2", file, of, page=one, lead=page, fleet=fleet)
+    of_programs = replace(made, files=())
+    return found | {file: rendered(page, file, of_programs) for file, page in programs.items()}
 
 
 def _compared(

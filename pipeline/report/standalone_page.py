@@ -3,7 +3,7 @@
 from base64 import b64encode
 from collections.abc import Callable, Sequence
 from csv import writer
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from io import StringIO
 from pathlib import Path
@@ -13,9 +13,10 @@ from urllib.parse import quote
 from markupsafe import Markup
 
 from pipeline.charts.numbers import as_read
-from pipeline.charts.sections import Figures, Section
+from pipeline.charts.sections import Section
 from pipeline.charts.sources import Source, shown
 from pipeline.charts.tables import Table
+from pipeline.report.provenance import Made, RenderedPage, Trace, files_of, parts_of
 from pipeline.report.texts import ENGLISH, Texts
 from pipeline.schema.files import written
 from pipeline.schema.verdict import UsedModel
@@ -82,8 +83,11 @@ def _first_up(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def renderer(say: Texts = ENGLISH) -> Callable[..., str]:
-    """HTML renderer by template name and variables; escapes text, own words from ``say``."""
+def renderer(say: Texts = ENGLISH) -> Callable[..., RenderedPage]:
+    """Renderer by template name, page's file, what it was made by, and variables.
+
+    It escapes text and takes its own words from ``say``.
+    """
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
@@ -94,10 +98,17 @@ def renderer(say: Texts = ENGLISH) -> Callable[..., str]:
         lstrip_blocks=True,
         finalize=_as_read,
     )
-    environment.globals["say"] = say
+    trace = Trace(say)
+    environment.globals |= {"say": say, "trace": trace}
     environment.filters["csv"] = csv_link
     environment.filters["section_sources"] = section_sources
-    return lambda name, **variables: environment.get_template(name).render(**variables)
+
+    def render(name: str, file: str, made: Made, **variables: Any) -> RenderedPage:
+        trace.begin(made)
+        html = environment.get_template(name).render(**variables)
+        return RenderedPage(html=html, record=trace.record(file))
+
+    return render
 
 
 def _as_read(value: Any) -> Any:
@@ -117,16 +128,15 @@ def csv_link(table: Table) -> str:
 def section_sources(section: Section) -> list[Source]:
     """Every file that a section's tables and figures stand on, each once."""
     found: dict[str, Source] = {}
-    for block in section.blocks:
-        parts = block.figures if isinstance(block, Figures) else [block]
-        for part in parts:
-            found |= {one.path: one for one in getattr(part, "sources", [])}
+    for part in parts_of(section):
+        found |= {one.path: one for one in getattr(part, "sources", [])}
     return list(found.values())
 
 
-def rendered(page: StandalonePage) -> str:
-    """HTML of a standalone page."""
-    return renderer()("standalone.html.j2", page=page)
+def rendered(page: StandalonePage, file: str, made: Made) -> RenderedPage:
+    """A standalone page with the record of its figures; key numbers rest on all of its files."""
+    files = made.files or files_of(page.sections)
+    return renderer()("standalone.html.j2", file, replace(made, files=files), page=page)
 
 
 def source_of(path: Path) -> Source:

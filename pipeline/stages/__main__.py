@@ -7,16 +7,17 @@ import logging
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event, Thread
 from typing import Any, TextIO
 
-from pipeline.parameters import read_params, read_yaml, section_path, structure
+from pipeline.parameters import read_params, section_path, structure
 from pipeline.schema.files import ended_by_signals
 from pipeline.stages.code import NO_STAGES
+from pipeline.stages.inputs import check_unchanged, declared, inputs, items
 from pipeline.submodels.contract import sections, submodel, submodels
 
 RECORDS = ("read", "kept", "rejected")
@@ -27,22 +28,13 @@ SHOWN_AFTER_S = 10.0
 
 def place(name: str, root: Path = Path()) -> str:
     """Place of a stage in the fleet's build, ``(7 of 31)``; empty without dvc.yaml or stage."""
-    try:
-        stages = read_yaml((root / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
-        fleet = read_yaml((root / "conf/fleet/active.yaml").read_text(encoding="utf-8"))
-    except (OSError, ValueError, KeyError):
+    known = declared(root)
+    if known is None:
         return ""
-    names = [one for stage, text in stages.items() for one in _runs(stage, text, fleet)]
+    stages, fleet = known
+    names = [f"{stage}@{one}".rstrip("@") for stage, text in stages.items()
+             for one in items(text, fleet)]  # fmt: skip
     return f"({names.index(name) + 1} of {len(names)})" if name in names else ""
-
-
-def _runs(stage: str, text: Mapping[str, Any], fleet: Mapping[str, Any]) -> list[str]:
-    if "foreach" not in text:
-        return [stage]
-    found: Any = fleet
-    for key in str(text["foreach"])[2:-1].split("."):
-        found = found[key]
-    return [f"{stage}@{machine}" for machine in found]
 
 
 @contextmanager
@@ -164,8 +156,8 @@ def _of_submodel(verb: str, which: str) -> Entry:
 
 
 def run(name: str, *paths: str) -> None:
-    """Load the sections that the stage needs and call it."""
-    name, _, item = name.partition("@")
+    """Load the sections that the stage needs and call it; ValueError if an input changes then."""
+    run_as, (name, _, item) = name, name.partition("@")
     stage = load_stage(name)
     if len(paths) != len(stage.paths):
         raise ValueError(
@@ -179,7 +171,9 @@ def run(name: str, *paths: str) -> None:
     }
     for path in paths:  # DVC removes outs before a stage, with the folder when it held no more
         Path(path).parent.mkdir(parents=True, exist_ok=True)
+    before = inputs(run_as, paths)
     stage.call(*map(Path, paths), **loaded)
+    check_unchanged(before, inputs(run_as, paths))
 
 
 def main() -> None:

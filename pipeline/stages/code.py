@@ -8,7 +8,7 @@ from pipeline.schema.imports import Module, modules, reached
 from pipeline.schema.store import write_json
 
 VERBS = ("identify", "judge")
-NO_STAGES = {"__init__", "__main__", "identify", "sections"}
+NO_STAGES = {"__init__", "__main__", "identify", "inputs", "sections"}
 """Files of the stages' folder that are no stage of their name."""
 
 

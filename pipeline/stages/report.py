@@ -1,15 +1,19 @@
 """Stage: pages of the fleet and of its machines."""
 
 import json
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
 from pipeline.fleet import Fleet, missing
 from pipeline.report.folders import FleetInfo, MachineFolders
 from pipeline.report.pages import write_report
+from pipeline.report.provenance import RECORD, record_of
 from pipeline.report.texts import ReportSettings, texts
 from pipeline.schema.store import structured
 
+CODE = Path("data/code.json")
+"""Hash of the code of each stage, on which the stage depends."""
 LIBRARIES = ("numpy", "pandas", "pyarrow", "scikit-learn", "scipy")
 
 
@@ -24,6 +28,7 @@ def report(
     parts: Path,
     trials: Path,
     history: Path,
+    settings: Path,
     reports: Path,
     metrics: Path,
     *,
@@ -32,6 +37,19 @@ def report(
     pages: ReportSettings,
 ) -> None:
     """Write a page for the fleet and for each machine, with key figures and metrics."""
+    folders = (signals, clean, models, champion, golden, truth, programs, parts, trials, history,
+               settings)  # fmt: skip
+    machines, info = machines_of(folders, fleet), info_of(fleet, budget)
+    written = write_report(machines, info, reports, reports, metrics, say=texts(pages.language))
+    kept = {path for page in written for path in (page, record_of(page))}
+    for path in {*reports.glob("*.html"), *reports.glob(f"*{RECORD}")} - kept:
+        path.unlink()
+
+
+def machines_of(folders: Sequence[Path], fleet: Fleet) -> list[MachineFolders]:
+    """Folders of each machine of a fleet, from those that stage ``report`` reads, in its order."""
+    signals, clean, models, champion, golden, truth, programs, parts, trials, *others = folders
+    history, settings = others
     machines = []
     for name in fleet.machines:
         simulated = name in fleet.simulated
@@ -55,19 +73,29 @@ def report(
                 corrected=trials / f"{name}_command_correction.json"
                 if name in fleet.trials
                 else None,
+                settings=settings / f"{name}.json",
                 description=identity.get("description", ""),
                 credit=identity.get("credit", ""),
                 missing=tuple(missing(fleet, name)),
             )
         )
-    info = FleetInfo(
-        name=fleet.name,
-        budget=budget,
+    return machines
+
+
+def info_of(fleet: Fleet, budget: str) -> FleetInfo:
+    """State of the project: fleet, budget, libraries, and the hash of the code of the pages."""
+    return FleetInfo(
+        name=fleet.name, budget=budget, code=code_of_pages(),
         versions={name: version(name) for name in LIBRARIES},
-    )
-    written = write_report(machines, info, reports, reports, metrics, say=texts(pages.language))
-    for page in set(reports.glob("*.html")) - set(written):
-        page.unlink()
+    )  # fmt: skip
+
+
+def code_of_pages() -> str:
+    """Hash of the code of this stage, as stage ``code`` wrote it; empty where it did not."""
+    try:
+        return str(json.loads(CODE.read_text(encoding="utf-8")).get("report", ""))
+    except (OSError, ValueError):
+        return ""
 
 
 def _identity(manifest: Path) -> dict[str, str]:

@@ -11,6 +11,7 @@ from report_folders import FLEET, empty_machine
 from pipeline.charts.sections import Action
 from pipeline.report.facts import ActionRow, MachineVerdict, StateLine
 from pipeline.report.pages import FleetRow, fleet_page, group_of
+from pipeline.report.provenance import Made
 from pipeline.report.standalone_page import renderer
 
 UNKNOWN = StateLine(status="unknown", word="not assessed yet", sentences=[])
@@ -48,7 +49,8 @@ def page_of(root: Path, many: int) -> Path:
         for i in range(many)
     ]  # fmt: skip
     page = root / "index.html"
-    page.write_text(renderer()("index.html.j2", index=fleet_page(rows), fleet=FLEET))
+    made = renderer()("index.html.j2", page.name, Made(), index=fleet_page(rows), fleet=FLEET)
+    page.write_text(made.html)
     return page
 
 

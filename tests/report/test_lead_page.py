@@ -12,6 +12,7 @@ from pipeline.charts.sections import Action
 from pipeline.report.changes import Change
 from pipeline.report.facts import ActionRow, machine_facts
 from pipeline.report.lead_page import MOST_ACTIONS, lead_page
+from pipeline.report.provenance import UNKNOWN
 from pipeline.report.scorecard import Counts, Line
 from pipeline.report.standalone_page import renderer
 from pipeline.report.texts import languages, texts
@@ -50,7 +51,9 @@ def page(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     whole = lead_page(facts, verdict, [], [CHANGE] * 10, "", since="the last report", say=say)
     found = tmp_path / "m.html"
     full = replace(whole, scorecard=[LINE] * 8, pages=[("m_cutting.html", "Cutting force")] * 9)
-    found.write_text(renderer(say)("machine.html.j2", page=full, fleet=FLEET))
+    found.write_text(
+        renderer(say)("machine.html.j2", found.name, UNKNOWN, page=full, fleet=FLEET).html
+    )
     return found
 
 

@@ -110,7 +110,7 @@ def test_a_program_as_written_has_the_page_of_the_command(
     assert ("90\u202f% interval 29.0\u202fs to 31.0\u202fs" in found.read_text()) is bool(simulated)
     programs = (tmp_path / "out/m_programs.html").read_text()
     assert [
-        f'href="{page.name}"' in programs for page in (tmp_path / "out").glob("m_program_*")
+        f'href="{page.name}"' in programs for page in (tmp_path / "out").glob("m_program_*.html")
     ] == [True, True]
     assert f'{found.name}">As written<' in (tmp_path / "out/m_program_SLOT.html").read_text()
 

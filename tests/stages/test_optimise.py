@@ -108,7 +108,8 @@ def test_the_shop_floor_cuts_both_and_the_page_lays_them_side_by_side(project: P
     for place in places:
         (project / "data" / place).mkdir(exist_ok=True)
     with inside(project):
-        run("report", *(f"data/{p}" for p in places), "reports", "data/metrics/report.json")
+        run("report", *(f"data/{p}" for p in places), "data/settings/sections", "reports",
+            "data/metrics/report.json")  # fmt: skip
     pages = (project / "reports").glob(f"{MACHINE}_program_*.html")
     path, written = sorted(pages, key=lambda one: len(one.name))
     page, programs = path.read_text(), (project / f"reports/{MACHINE}_programs.html").read_text()

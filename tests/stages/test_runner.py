@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -19,9 +20,10 @@ from pipeline.fleet import Fleet
 from pipeline.schema.golden import FrozenSet, GoldenSets, write_golden
 from pipeline.schema.model import Model, SourceFile
 from pipeline.stages import __main__ as stage_runner
-from pipeline.stages.__main__ import line, load_stage, place, run, running
+from pipeline.stages.__main__ import Entry, line, load_stage, place, run, running
 from pipeline.stages.champion import champion
 from pipeline.stages.identify import identify
+from pipeline.stages.inputs import HASHED_BYTES, declared, items, written_by
 from pipeline.submodels.cases import Case, Cases, Records, Roles, role_of
 from tests.small_project import ROOT
 
@@ -231,3 +233,80 @@ def test_a_long_stage_shows_on_a_terminal_that_it_runs(monkeypatch: pytest.Monke
                 time.sleep(0.05)
     assert re.match(r"\rshop@mill \(3 of 30\): 1 s ", terminal.getvalue())
     assert terminal.getvalue().endswith("\r\033[K") and not file.getvalue()
+
+
+DECLARED = """stages:
+  trial:
+    foreach: ${trials}
+    do:
+      deps:
+        - data/parts/${item}
+      outs:
+        - data/parts/${item}/cut.json
+"""
+
+
+@pytest.fixture
+def trial_stage(here: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Run a stage of two inputs that does something to the files meanwhile."""
+    (here / "conf/fleet").mkdir(parents=True)
+    (here / "dvc.yaml").write_text(DECLARED)
+    (here / "conf/fleet/active.yaml").write_text("trials: [mill]\n")
+    (here / "data/parts/mill").mkdir(parents=True)
+    for name, size in (("small.json", 10), ("large.json", HASHED_BYTES + 1)):
+        (here / "data/parts/mill" / name).write_bytes(b"1" * size)
+        os.utime(here / "data/parts/mill" / name, (1, 1))  # clocks of files tick in milliseconds
+
+    def run_while(meanwhile: Callable[[], None]) -> None:
+        def call(parts: Path, driven: Path) -> None:
+            driven.write_text("{}")
+            meanwhile()
+
+        entry = Entry(modules=(), paths=["parts", "driven"], sections={}, call=call)
+        monkeypatch.setattr(stage_runner, "load_stage", lambda name: entry)
+        run("trial@mill", "data/parts/mill", "data/parts/mill/cut.json")
+
+    return run_while
+
+
+def kept_time(path: str, content: bytes) -> None:
+    """Another content of the same size and time of change, as ``cp -p`` over a file leaves it."""
+    before = Path(path).stat()
+    Path(path).with_suffix(".new").write_bytes(content)
+    Path(path).with_suffix(".new").replace(path)
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+
+
+SMALL, LARGE = "data/parts/mill/small.json", "data/parts/mill/large.json"
+
+
+@pytest.mark.parametrize(("path", "why", "meanwhile"), [
+    (SMALL, "changed", lambda: Path(SMALL).write_bytes(b"1" * 9 + b"2")),
+    (SMALL, "changed", lambda: kept_time(SMALL, b"1" * 9 + b"2")),
+    (LARGE, "changed", lambda: Path(LARGE).write_bytes(b"2" * (HASHED_BYTES + 1))),
+    (LARGE, "was removed", lambda: Path(LARGE).unlink()),
+    ("data/parts/mill/new.json", "was added", lambda: Path(SMALL).with_name("new.json").touch()),
+])  # fmt: skip
+def test_a_stage_whose_input_changes_while_it_runs_fails_and_names_it(
+    trial_stage: Any, path: str, why: str, meanwhile: Callable[[], None]
+) -> None:
+    with pytest.raises(ValueError, match=rf"^{re.escape(path)} {why} while the stage ran.*repro"):
+        trial_stage(meanwhile)
+
+
+def test_a_stage_may_write_its_output_and_a_small_input_may_be_written_as_it_was(
+    trial_stage: Any,
+) -> None:
+    trial_stage(lambda: None)
+    trial_stage(lambda: Path(SMALL).write_bytes(b"1" * 10))
+    trial_stage(lambda: os.utime(SMALL, (1, 1)))
+
+
+def test_what_a_stage_writes_is_read_from_dvc_yaml() -> None:
+    """Of each kind of stage: one alone, one a machine, one a machine with a folder beside it."""
+    assert written_by("code", ROOT) == ["data/code.json"]
+    assert written_by("none", ROOT) is None
+    (machine, *_) = items(declared(ROOT)[0]["judge_following_residual"], declared(ROOT)[1])  # type: ignore[index]
+    assert f"data/models/{machine}/following_residual/verdict.json" in (
+        written_by(f"judge_following_residual@{machine}", ROOT) or ()
+    )

@@ -14,6 +14,7 @@ from pipeline.charts.svg import anchor
 from pipeline.report.cut import tables
 from pipeline.report.programs.panels import Panel, clock, tool_spans
 from pipeline.report.programs.simulated import Program, feed_classes, time_section
+from pipeline.report.provenance import UNKNOWN, Made
 from pipeline.report.standalone_page import (
     StandalonePage,
     doubts,
@@ -31,7 +32,6 @@ from pipeline.schema.program_cut import (
     Lobes,
     ProgramCut,
 )
-from pipeline.schema.store import write_text
 
 TOP = 42  # px: tools and head above the first panel
 LOAD_HEIGHT = 210  # px
@@ -182,10 +182,12 @@ BLOCK = "block"
 NOTHING = "Nothing is cut: the tool never meets the stock. Look at the stock's place and size."
 
 
-def write_cut_page(program: Program, out: Path, source: Path | None = None) -> None:
+def write_cut_page(
+    program: Program, out: Path, source: Path | None = None, made: Made = UNKNOWN
+) -> None:
     """Write the page of a program with its cut; ``source`` is the file that holds it."""
     sources = [source_of(source)] if source is not None else []
-    write_text(rendered(cut_page(program, sources, sources)), out)
+    rendered(cut_page(program, sources, sources), out.name, made).write(out)
 
 
 def cut_page(program: Program, sources: list[Source], moves: list[Source]) -> StandalonePage:

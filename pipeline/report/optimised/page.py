@@ -44,21 +44,23 @@ from pipeline.report.optimised.figures import (
 )
 from pipeline.report.optimised.path import SCRIPT, path_section
 from pipeline.report.optimised.verdict import key_figures, verdict
+from pipeline.report.provenance import UNKNOWN, Made
 from pipeline.report.standalone_page import StandalonePage, rendered, source_of, verdicts_section
 from pipeline.schema.part import OptimisedPart, Reliability
 from pipeline.schema.part_sheet import SetupTool, WorkOffset
 from pipeline.schema.program_cut import CutWarning
-from pipeline.schema.store import write_text
 
 MOST_WARNINGS = 8
 MOST_SPANS = 6
 """Stretches of lines that a warning names."""
 
 
-def write_optimised_page(part: OptimisedPart, out: Path, source: Path | None = None) -> None:
+def write_optimised_page(
+    part: OptimisedPart, out: Path, source: Path | None = None, made: Made = UNKNOWN
+) -> None:
     """Write the page of a part; ``source`` is the file that holds it."""
     sources = [source_of(source)] if source is not None else []
-    write_text(rendered(optimised_page(part, sources)), out)
+    rendered(optimised_page(part, sources), out.name, made).write(out)
 
 
 def optimised_page(part: OptimisedPart, sources: list[Source]) -> StandalonePage:
