@@ -51,6 +51,7 @@ def claim(entry: Entry, root: Path) -> tuple[Entry, ...]:
         model = client.get_model_version(model_name(entry.machine), str(known[-1].version))
         client.create_model_version(
             name, model.source, known[-1].run or None, tags={ENTRY: entry.line},
+            model_id=model.model_id or None,
             description=f"{entry.event}: version {entry.version}, {entry.by}, {entry.why}",
         )  # fmt: skip
     return server_history(entry.machine, root)
