@@ -221,7 +221,8 @@ def _life_page(facts: MachineFacts) -> list[EvidencePage]:
     life = life_of(facts)
     if life is None:
         return []
-    return [EvidencePage(subject=LIFE, title="Life of the model", state=life.state,
+    state = StateLine(status=life.status, word=life.word, sentences=life.sentences)
+    return [EvidencePage(subject=LIFE, title="Life of the model", state=state,
                          notes=life.notes, sections=life.sections)]  # fmt: skip
 
 

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 from pipeline.charts.numbers import moment
 from pipeline.charts.sections import Section, present
 from pipeline.charts.tables import Cell, Column, Table, code, sources, tabulated
-from pipeline.report.facts import MachineFacts, StateLine, Status
 from pipeline.schema.decision import RULES, Compared, Decision, Result, Rule
 from pipeline.schema.history import SERVING, Entry, instant, read_history, served
 from pipeline.schema.store import StoreError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from pipeline.report.facts import MachineFacts, Status
 
 LIFE = "life"
 """Subject of the page."""
@@ -31,7 +32,10 @@ AGAINST = {"better": "passed", "worse": "failed", "equal": "unknown", "not decid
 class Life:
     """The page's content."""
 
-    state: StateLine
+    status: "Status"
+    word: str
+    sentences: list[str]
+    """State of what serves."""
     sections: list[Section]
     notes: list[str]
 
@@ -43,7 +47,7 @@ class _Event:
     looks: int
 
 
-def life_of(facts: MachineFacts) -> Life | None:
+def life_of(facts: "MachineFacts") -> Life | None:
     """Page of a machine; None where nothing serves."""
     if facts.serving is None:
         return None
@@ -53,10 +57,11 @@ def life_of(facts: MachineFacts) -> Life | None:
     if decisions:
         last = max(decisions)
         sections.append(_decision_section(facts, entries[last - 1], decisions[last]))
-    return Life(state=_state(facts, entries), sections=sections, notes=broken)
+    status, word, sentences = _state(facts, entries)
+    return Life(status=status, word=word, sentences=sentences, sections=sections, notes=broken)
 
 
-def _entries(facts: MachineFacts) -> tuple[tuple[Entry, ...], list[str]]:
+def _entries(facts: "MachineFacts") -> tuple[tuple[Entry, ...], list[str]]:
     """The history, and why it cannot be read where it cannot."""
     path = facts.folders.history
     if path is None or facts.shelf.text(path, MADE_FROM) is None:
@@ -67,7 +72,7 @@ def _entries(facts: MachineFacts) -> tuple[tuple[Entry, ...], list[str]]:
         return (), [f"The history of what serves cannot be read: {error}."]
 
 
-def _decision(facts: MachineFacts, entry: Entry) -> Decision | None:
+def _decision(facts: "MachineFacts", entry: Entry) -> Decision | None:
     if facts.folders.history is None or not entry.decision:
         return None
     path = facts.folders.history.with_suffix("") / f"{entry.number:04d}.json"
@@ -76,7 +81,7 @@ def _decision(facts: MachineFacts, entry: Entry) -> Decision | None:
     return found if source is not None and source.sha256 == entry.decision else None
 
 
-def _state(facts: MachineFacts, entries: tuple[Entry, ...]) -> StateLine:
+def _state(facts: "MachineFacts", entries: tuple[Entry, ...]) -> "tuple[Status, str, list[str]]":
     """What serves since when by whom, and what does not serve."""
     bundle = facts.serving.bundle if facts.serving is not None else None
     statuses = {} if bundle is None else {n: one.status for n, one in bundle.submodels.items()}
@@ -96,11 +101,10 @@ def _state(facts: MachineFacts, entries: tuple[Entry, ...]) -> StateLine:
     if idle:
         said += f" Without: {', '.join(idle)}."
     status: Status = "attention" if anyway or idle else "passed"
-    return StateLine(status=status, word="serves" if does else "does not serve",
-                     sentences=[first + anyway, said])  # fmt: skip
+    return status, "serves" if does else "does not serve", [first + anyway, said]
 
 
-def _history_section(facts: MachineFacts, entries: tuple[Entry, ...]) -> Section:
+def _history_section(facts: "MachineFacts", entries: tuple[Entry, ...]) -> Section:
     looks = sum(bool(one.sealed) for one in entries)
     against = sum(one.anyway for one in entries)
     text = (
@@ -111,7 +115,7 @@ def _history_section(facts: MachineFacts, entries: tuple[Entry, ...]) -> Section
                    blocks=present(_history_table(facts, entries)))  # fmt: skip
 
 
-def _history_table(facts: MachineFacts, entries: tuple[Entry, ...]) -> Table | None:
+def _history_table(facts: "MachineFacts", entries: tuple[Entry, ...]) -> Table | None:
     events = []
     for entry in entries:
         later = [e.at for e in entries if e.event in SERVING and e.number > entry.number]
@@ -147,7 +151,7 @@ def _event(entry: Entry) -> Cell:
     return Cell(text=f"{entry.event} anyway" if entry.anyway else entry.event, status=status)
 
 
-def _decision_section(facts: MachineFacts, entry: Entry, decision: Decision) -> Section:
+def _decision_section(facts: "MachineFacts", entry: Entry, decision: Decision) -> Section:
     path = (facts.folders.history or facts.folders.models).with_suffix("")
     used = sources(facts.shelf, path / f"{entry.number:04d}.json")
     may = "may serve" if decision.may_serve else "may not serve"
