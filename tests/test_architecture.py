@@ -53,6 +53,8 @@ ONLY: dict[str, set[str]] = {
     "omegaconf": {"stages"},
     "yaml": {"parameters", "app"},
     "joblib": {"parallel"},
+    "distributed": {"parallel"},
+    "dvc": {"app"},
     "pint": {"signals/units.py"},
     "torch": {"nets"},
     "typer": {"app"},
