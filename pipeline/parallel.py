@@ -21,8 +21,8 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 Compute = Literal["serial", "threads", "processes", "dask"]
-"""``threads`` only helps compiled kernels that let go of the interpreter; ``dask`` are ``processes``
-that must run on a cluster."""
+"""``threads`` only helps compiled kernels that let go of the interpreter; ``dask`` are
+``processes`` that must run on a cluster."""
 PLACE = "KERF_COMPUTE"
 """Variable with the place of tasks for processes."""
 SAME_BITS = {
@@ -138,7 +138,8 @@ def _on_cluster(
     function: Callable[[Task], Result], tasks: Sequence[Task], address: str
 ) -> "list[_Done[Result]]":
     """Outcomes of tasks on a cluster; arguments stay at the scheduler (joblib gives them to workers
-    and loses those of workers that die)."""
+    and loses those of workers that die).
+    """
     client = _client(address)
     from distributed import KilledWorker
 
@@ -159,9 +160,7 @@ def _client(address: str) -> Any:
     try:
         from distributed import Client
     except ModuleNotFoundError as error:
-        raise ValueError(
-            f"{PLACE} = {address!r} needs Dask: install kerf-twin[cluster]"
-        ) from error
+        raise ValueError(f"{PLACE} = {address!r} needs Dask: install kerf-twin[cluster]") from error
     try:
         client = Client(address, set_as_default=False)
     except (OSError, ValueError) as error:

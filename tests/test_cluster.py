@@ -1,4 +1,4 @@
-"""A fleet on a Dask cluster of real processes: the bits of DVC's own run, whatever dies meanwhile."""
+"""A fleet on a Dask cluster of real processes: the bits of DVC's own run, whoever dies."""
 
 import json
 import os
@@ -26,6 +26,10 @@ from tests.test_parallel import absent, process_of, refuse
 
 DAYS = ("2026-01-05", "2026-01-06", "2026-01-07")
 LAST = "2026-01-07"
+FITTING = {
+    "spindle_fit": {"step_s": 60.0, "nodes": [1], "time_constants_s": [1500.0]},
+    "residual_forest": {"trees": 5, "every_s": 3600.0}, "spindle_interval": {"folds": 2},
+}  # fmt: skip
 
 
 def project(root: Path, machines: Sequence[str], wrong: Sequence[str] = ()) -> Path:
@@ -48,16 +52,12 @@ def project(root: Path, machines: Sequence[str], wrong: Sequence[str] = ()) -> P
         files = {f"{day}.txt": {"sha256": day, "last": f"{day}T16:00:00Z"} for day in DAYS}
         write(root / f"data/signals/{name}/manifest.json", json.dumps({"files": files}))
         write(root / f"data/index/{name}.json", json.dumps({"timed": name, "frozen": ""}))
-        sections = "identity roles spindle spindle_fit residual_forest spindle_interval".split()
+        sections = ["identity", "roles", "spindle", *FITTING]
         write(root / f"data/settings/sections/{name}.json", json.dumps(dict.fromkeys(sections, 1)))
         days = {"first": "2025-01-01", "last": "2025-01-02"}
         own[name] = {"identity": {"name": name, "origin": "simulated"}, "spindle": {},
                      "roles": {"training_days": days} if name in wrong else roles}  # fmt: skip
-    values = {
-        "fleet": {"name": "many", "machines": list(machines)}, "machine": own,
-        "spindle_fit": {"step_s": 60.0, "nodes": [1], "time_constants_s": [1500.0]},
-        "residual_forest": {"trees": 5, "every_s": 3600.0}, "spindle_interval": {"folds": 2},
-    }  # fmt: skip
+    values = {"fleet": {"name": "many", "machines": list(machines)}, "machine": own, **FITTING}
     write(root / "params.yaml", yaml.safe_dump(values))
     command(root, "-m", "dvc", "init", "-q", "--no-scm")
     return root
@@ -173,10 +173,10 @@ def test_twenty_machines_on_two_workers_one_of_which_dies_have_the_bits_of_dvc(
     assert died, "no worker was killed while it worked"
     assert models(killed) == models(serial), "other bits after a worker died"
     assert len(models(serial)) == 40
-    record_property("seconds", {"dvc repro": by_dvc, "one process": alone, "two workers": by_dask,
-                                "one killed": after_death})  # fmt: skip
-    print(f"\n20 identifications: dvc repro {by_dvc:.1f} s, one process {alone:.1f} s, two workers "
-          f"{by_dask:.1f} s ({alone / by_dask:.2f} times), one killed {after_death:.1f} s")  # fmt: skip
+    seconds = {"dvc repro": by_dvc, "one process": alone, "two workers": by_dask,
+               "one killed": after_death}  # fmt: skip
+    record_property("seconds", seconds)
+    sys.stdout.write(f"\n20 identifications, s: {seconds}, {alone / by_dask:.2f} times\n")
 
 
 def kill_one(address: str, died: list[int]) -> None:

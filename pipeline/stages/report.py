@@ -32,9 +32,9 @@ def report(
 ) -> None:
     """Write a page for the fleet and for each machine, with key figures and metrics."""
     machines = []
-    for name in fleet.machines:
-        simulated = name in fleet.simulated
-        identity = _identity(signals / name / "manifest.json")
+    identities = {name: _identity(signals / name / "manifest.json") for name in fleet.machines}
+    for name, identity in identities.items():
+        simulated, kind = name in fleet.simulated, identity.get("type", "")
         origin = identity.get("origin", "simulated" if simulated else "recorded")
         machines.append(
             MachineFolders(
@@ -53,6 +53,12 @@ def report(
                 corrected=trials / f"{name}_command_correction.json"
                 if name in fleet.trials
                 else None,
+                type=kind,
+                siblings={
+                    other: models / other
+                    for other, its in identities.items()
+                    if kind and its.get("type") == kind and other != name
+                },
                 description=identity.get("description", ""),
                 credit=identity.get("credit", ""),
                 missing=tuple(missing(fleet, name)),
