@@ -70,9 +70,11 @@ def identify_fleet(
                     _take(stage, found)
                     repo.commit(found.stage, force=True)
                     say(f"{found.stage}: {len(found.files)} files")
+            for name in set(repo.status(targets=names)) - set(errors):
+                errors[name] = f"{name} reads a model that is out of date: identify that one first"
     except DvcException as error:
         raise ValueError(f"DVC: {error}") from error
-    return list(errors.values())
+    return sorted(errors.values())
 
 
 def _is_wanted(stage: str, machines: Collection[str], submodels: Collection[str]) -> bool:

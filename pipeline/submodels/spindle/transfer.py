@@ -221,9 +221,9 @@ def _prior(
     name: str, value: float, models: Sequence[SpindleModelFile], settings: TransferSettings,
     *, logarithmic: bool,
 ) -> tuple[float, float]:  # fmt: skip
-    """Mean and standard deviation of a sibling's parameter over the golden ``value``.
+    """Mean and standard deviation of a sibling's parameter against the golden ``value``.
 
-    Of the logarithm [1], or of the difference [K].  The first of the ``models`` is the golden
+    That is the logarithm of their ratio [1], or their difference [K].  The first of the ``models`` is the golden
     machine's; a parameter that it does not determine stands at the value of its network.
     """
     unknown = UNKNOWN_WIDTH if logarithmic else UNKNOWN_WIDTH_K
