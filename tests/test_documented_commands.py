@@ -10,6 +10,7 @@ import pytest
 from typer.main import get_command
 
 import pipeline.app.commands
+import pipeline.app.life_commands
 import pipeline.app.program_commands  # noqa: F401, its commands
 from pipeline.app.commands import app
 from tests.small_project import new_project

@@ -8,18 +8,20 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from types import SimpleNamespace
 
 import pandas as pd
 import pytest
 
-from pipeline.champions import (
+from pipeline.champions.promotion import decision_path, events, promote, rollback, settle
+from pipeline.champions.serving import (
     champion_of,
     first_champion,
     first_serving,
+    history_of,
     made_with,
-    promote,
     status,
 )
 from pipeline.registry.loading import load, place_of
@@ -33,6 +35,7 @@ from pipeline.schema.bundle import (
     read_champions,
     write_champions,
 )
+from pipeline.schema.decision import Decision
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Status, Verdict
 from pipeline.submodels.contract import submodel, submodels
@@ -50,6 +53,7 @@ from tests.bundled_project import (
 from tests.test_cli import kerf, refused, rows_of
 
 ROOT = Path(__file__).parents[1]
+NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
 CHAMPION = f"data/champion/{MACHINE}"
 MODELS = f"data/models/{MACHINE}"
 REGISTER = (
@@ -93,6 +97,10 @@ def copied(source: str, target: str) -> None:
 
 def aliases(root: Path) -> dict[str, int]:
     return {alias: v.version for v in versions(MACHINE, root) for alias in v.aliases}
+
+
+def later(hours: float) -> datetime:
+    return NOON + timedelta(hours=hours)
 
 
 def direct(folder: Path, table: pd.DataFrame) -> pd.DataFrame:
@@ -450,23 +458,25 @@ def test_a_better_challenger_is_promoted_and_the_champion_can_come_back(root: Pa
     first = champion_of(MACHINE, root)
     assert first is not None
     write_champions(Champions().promoted("mill09", first), root / CHAMPIONS)
-    now = promote(MACHINE, root, why="warmer oil", by="Kim")
+    now = promote(MACHINE, root, why="warmer oil", by="Kim", now=NOON)
     newest = bundle_of(root / MODELS, MACHINE, ["spindle"])
     assert (now.version, now.bundle, now.by, now.why) == (2, newest.sha256, "Kim", "warmer oil")
-    assert now.since.startswith("20") and now.since.endswith("Z")
+    assert (now.since, now.serving) == ("2026-03-01T12:00:00Z", ("spindle",))
     assert read_champions(root / CHAMPIONS) == Champions(machines={MACHINE: now, "mill09": first})
     assert aliases(root) == {"previous": 1, "champion": 2}
     assert read_json(root / CHAMPION / "bundle.json", Bundle) == newest
     with pytest.raises(ValueError, match=f"{MACHINE} has no challenger: run `dvc repro`"):
         promote(MACHINE, root, why="again")
-    back = promote(MACHINE, root, why="the oil was changed back", to=1)
+    back = rollback(MACHINE, root, why="the oil was changed back", by="Kim", now=later(47))
     assert (back.version, back.bundle) == (1, first.bundle)
     assert aliases(root) == {"previous": 2, "champion": 1, "challenger": 2}
-    # its files came out of the registry: data/models holds the other bundle
     assert bundle_of(root / CHAMPION, MACHINE, ["spindle"]).sha256 == first.bundle
     before = files_of(root)
     registered(root)
+    settle(MACHINE, root)
     assert files_of(root) == before
+    told = [(e.event, e.version, e.by) for e in history_of(MACHINE, root)]
+    assert told == [("first", 1, "dvc repro"), ("promoted", 2, "Kim"), ("rolled back", 1, "Kim")]
     with pytest.raises(ValueError, match="has no version 7; there are 1, 2"):
         promote(MACHINE, root, why="x", to=7)
     with pytest.raises(ValueError, match="needs a reason"):
@@ -481,18 +491,24 @@ def test_the_commands_show_the_challenger_and_promote_it(root: Path) -> None:
         "machine": MACHINE, "origin": "simulated", "sub-model": "spindle", "latest": "passed",
         "champion": "passed", "serving": "version 1", "challenger": "version 2",
     }  # fmt: skip
-    assert "Missing option '--why'" in refused(root, "promote", "-m", MACHINE)
+    assert "needs a reason: give it with --why" in refused(root, "promote", "-m", MACHINE)
     done = kerf(root, "promote", "-m", MACHINE, "--why", "two kelvin better")
-    assert done.stdout == f"{MACHINE}: version 2 is champion; commit champions.json\n"
+    said = f"{MACHINE}: version 2 is champion; commit champions.json and data/history\n"
+    assert done.stdout == said
     (row,) = rows_of(kerf(root, "status"))
     assert row["serving"].startswith("version 2 since 20") and row["challenger"] == "-"
     again = refused(root, "promote", "-m", MACHINE, "--why", "once more")
     assert f"{MACHINE} has no challenger: run `dvc repro`" in again
-    done = kerf(root, "promote", "-m", MACHINE, "--why", "back", "--to", "1")
+    done = kerf(root, "rollback", "-m", MACHINE, "--why", "back")
     assert done.stdout.startswith(f"{MACHINE}: version 1 is champion")
+    rows = rows_of(kerf(root, "history", "-m", MACHINE))
+    assert [row["event"] for row in rows] == ["first", "promoted", "rolled back"]
+    (none,) = rows_of(kerf(root, "history", "-m", MACHINE, "--at", "1999-12-31"))
+    assert none["why"] == "nothing at 1999-12-31T00:00:00Z serves"
+    assert "write it as 2026-03-01" in refused(root, "history", "--at", "yesterday")
 
 
-def test_a_promotion_that_breaks_off_has_kept_the_champion(
+def test_a_promotion_that_breaks_off_is_brought_to_its_end_by_the_next_command(
     root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from mlflow import MlflowClient
@@ -504,23 +520,28 @@ def test_a_promotion_that_breaks_off_has_kept_the_champion(
             raise OSError("the disk is full")
         really(self, name, alias, version)
 
-    before = (root / CHAMPION / "bundle.json").read_bytes()
-    monkeypatch.setattr(MlflowClient, "set_registered_model_alias", breaks_off)
-    with pytest.raises(OSError, match="disk"):
-        promote(MACHINE, root, why="better")
-    assert aliases(root) == {"previous": 1, "champion": 1, "challenger": 2}
-    assert not (root / CHAMPIONS).exists()
-    assert (root / CHAMPION / "bundle.json").read_bytes() == before
+    with monkeypatch.context() as patch:
+        patch.setattr(MlflowClient, "set_registered_model_alias", breaks_off)
+        with pytest.raises(OSError, match="disk"):
+            promote(MACHINE, root, why="better")
+    assert aliases(root)["champion"] == 1
+    settle(MACHINE, root)
+    assert aliases(root) == {"previous": 1, "champion": 2}
+    champion = read_champions(root / CHAMPIONS).machines[MACHINE]
+    assert champion == champion_of(MACHINE, root)
+    assert read_json(root / CHAMPION / "bundle.json", Bundle).sha256 == champion.bundle
 
 
 def test_one_that_failed_is_refused_and_serves_only_anyway(root: Path) -> None:
     spindle(root, mae_K=1e-6)
-    with pytest.raises(ValueError, match=r"may not serve: its spindle failed: see spindle/verdict"):
+    with pytest.raises(ValueError, match=r"rule 'no new failure' is broken: its spindle is failed"):
         promote(MACHINE, root, why="try")
-    registered(root)
     assert aliases(root) == {"champion": 1, "challenger": 3}
+    assert [e.event for e in history_of(MACHINE, root)] == ["first", "refused"]
     now = promote(MACHINE, root, why="no other", anyway=True)
-    assert now.why.startswith("no other (anyway: its spindle failed")
+    last = history_of(MACHINE, root)[-1]
+    assert last.anyway and last.rules.startswith("rule 'no new failure' is broken")
+    assert now.serving == ("spindle",)
     (row,) = status(MACHINE, ("spindle",), root)
     assert (row["champion"], row["challenger"]) == ("failed", "-")
 
@@ -531,10 +552,12 @@ def test_each_look_at_the_sealed_set_is_counted(root: Path) -> None:
         shutil.rmtree(root / name)
         shutil.copytree(sealed / name, root / name)
     promote(MACHINE, root, why="better")
-    (look,) = read_champions(root / CHAMPIONS).looks
-    assert look.machine == MACHINE and len(look.sealed) == 64
-    assert look.bundle == read_champions(root / CHAMPIONS).machines[MACHINE].bundle
-    assert "over 1 group" in look.outcome and "windows" in look.outcome
+    (look,) = [e for e in events(MACHINE, root) if e.sealed]
+    assert look.event == "promoted" and len(look.sealed) == 64
+    decision = read_json(decision_path(look, root), Decision)
+    rule = decision.rules[-1]
+    assert (rule.name, rule.result) == ("sealed", "kept")
+    assert {one.groups for one in rule.figures} == {1}
 
 
 def test_a_champion_that_lies_nowhere_is_named(root: Path) -> None:
@@ -557,6 +580,7 @@ def test_a_first_champion_serves_until_somebody_chooses(root: Path) -> None:
         promote(MACHINE, root, why="x", to=7)
     chosen = promote(MACHINE, root, why="it is good", to=1)  # which git holds from now on
     assert (chosen.bundle, chosen.why) == (first.bundle, "it is good")
+    assert [e.event for e in history_of(MACHINE, root)] == ["first", "promoted"]
     assert read_champions(root / CHAMPIONS).machines == {MACHINE: chosen}
     assert aliases(root) == {"champion": 1, "challenger": 2}
     with pytest.raises(ValueError, match="version 1 of mill01 is its champion already"):
@@ -570,9 +594,9 @@ def test_a_store_that_lacks_the_champion_is_filled_before_a_promotion(root: Path
     assert (served.version, aliases(root)) == (2, {"previous": 1, "champion": 2})
     shutil.rmtree(root / CHAMPION)
     (root / CHAMPIONS).unlink()
-    registered(root)
-    now = champion_of(MACHINE, root)
-    assert now is not None and now.bundle == served.bundle  # nothing serves: the newest does
+    settle(MACHINE, root)  # the history says it
+    assert read_champions(root / CHAMPIONS).machines == {MACHINE: served}
+    assert bundle_of(root / CHAMPION, MACHINE, ["spindle"]).sha256 == served.bundle
 
 
 def test_the_first_champion_is_one_that_passed_or_says_what_was_not_shown(tmp_path: Path) -> None:
@@ -586,6 +610,7 @@ def test_the_first_champion_is_one_that_passed_or_says_what_was_not_shown(tmp_pa
     assert first_serving(bundle, [newest]) == "b"
     alone = first_champion(bundle, tmp_path)
     assert (alone.version, alone.why) == (0, "first bundle: drive failed, wear not judged")
+    assert alone.serving == ("spindle",)
     assert first_champion(bundle, tmp_path) == alone  # no clock in it
 
 

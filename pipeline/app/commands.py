@@ -194,43 +194,20 @@ def golden(
 
 
 @app.command(rich_help_panel=kerf.MODELS)
-def promote(
-    machine: kerf.Machine,
-    why: Annotated[str, typer.Option(help="The reason, for champions.json.")],
-    to: Annotated[
-        int | None, typer.Option(help="Go back to this registered version, without a comparison.")
-    ] = None,
-    anyway: Annotated[
-        bool, typer.Option("--anyway", help="Even when it is not shown to be better.")
-    ] = False,
-    json: kerf.Json = None,
-) -> None:
-    """Make MACHINE's newest bundle its champion, if it is better on the golden set."""
-    from pipeline.app.fleet import check_machine
-    from pipeline.champions import promote as promote_bundle
-
-    with one_sentence(), outputs() as written:
-        written.ready(json)
-        check_machine(machine)
-        champion = promote_bundle(machine, why=why, to=to, anyway=anyway)
-        written.json({"machine": machine} | asdict(champion), json)
-        written.say(f"{machine}: version {champion.version} is champion; commit champions.json")
-
-
-@app.command(rich_help_panel=kerf.MODELS)
 def predict(
     machine: kerf.Machine,
     submodel: Annotated[str, typer.Argument(help="Sub-model, as `kerf status` lists them.")],
     table: Annotated[Path, typer.Argument(help="Table of its inputs, CSV or Parquet.")],
     out: Annotated[Path, typer.Option(help="CSV or Parquet to write.")],
     model: kerf.Model = "champion",
+    anyway: kerf.Anyway = False,
 ) -> None:
     """Predict TABLE with a sub-model of MACHINE's champion."""
     from pipeline.app.programs import predict_table
 
     with one_sentence(), outputs() as to:
         file = to.file(out, ".csv") or out
-        rows, unknown = predict_table(machine, submodel, table, file, model)
+        rows, unknown = predict_table(machine, submodel, table, file, model, anyway=anyway)
         to.say(f"wrote {many(rows, 'row')} to {to.names(file)}")
         for why in unknown:
             to.say(why)

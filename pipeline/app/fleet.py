@@ -230,7 +230,13 @@ def fleet_named(name: str) -> Fleet:
 def use_fleet(name: str) -> Fleet:
     """Make ``conf/fleet/<name>.yaml`` the active one, with the lock of its last build."""
     chosen, folder = fleet_named(name), CONF / "fleet"
-    for some in ("truth", "programs", "parts", "trials"):  # empty where no machine has any
+    for some in (
+        "truth",
+        "programs",
+        "parts",
+        "trials",
+        "history",
+    ):  # empty where no machine has any
         (DATA / some).mkdir(parents=True, exist_ok=True)
     # a plain file: in other revisions DVC would read a link's target by its name
     active, text = folder / "active.yaml", _whole(folder / f"{name}.yaml")
@@ -305,9 +311,12 @@ def _wanted(folder: Path, sources: Sequence["RecordSource"]) -> list[Path]:
 
 def fleet_status() -> list[dict[str, str]]:
     """Rows of every machine of the fleet: its sub-models, their verdicts, what serves."""
-    from pipeline.champions import status
+    from pipeline.champions.promotion import settle
+    from pipeline.champions.serving import status
 
     fleet = active_fleet()
+    for name in fleet.machines:
+        settle(name)
     return [row for name in fleet.machines for row in status(name, fleet.submodels_of(name))]
 
 
@@ -327,7 +336,8 @@ def write_report(out: Path) -> Path:
     report(
         signals=DATA / "signals", clean=DATA / "clean", models=DATA / "models",
         champion=DATA / "champion", golden=DATA / "golden", truth=DATA / "truth",
-        programs=DATA / "programs", parts=DATA / "parts", trials=DATA / "trials", reports=out,
+        programs=DATA / "programs", parts=DATA / "parts", trials=DATA / "trials",
+        history=DATA / "history", reports=out,
         metrics=out / "metrics.json", fleet=structure(values, "fleet", Fleet),
         budget=structure(values, "budget", str), pages=structure(values, "pages", ReportSettings),
     )  # fmt: skip

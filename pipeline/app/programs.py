@@ -318,11 +318,12 @@ def verdict_lines(models: Iterable[UsedModel]) -> Iterator[str]:
 
 
 def predict_table(
-    machine: str, name: str, table: Path, out: Path, model: str
+    machine: str, name: str, table: Path, out: Path, model: str, *, anyway: bool
 ) -> tuple[int, tuple[str, ...]]:
     """Predict a table of a sub-model's inputs with a machine's champion.
 
-    The number of rows, and a sentence on each interval that is not known, whose columns are empty.
+    Refused where it did not pass, unless ``anyway``.  The number of rows, and a sentence on each
+    interval that is not known, whose columns are empty.
     """
     import pandas as pd
 
@@ -333,6 +334,7 @@ def predict_table(
         raise ValueError(f"the sub-model {name} is called {now} now: give that name")
     one = submodel(name)
     folder = stored_model(machine, model, one)
+    status = passed_status(folder, f"model of {name}", anyway=anyway)
     check_outputs(table, out)
     try:
         read = pd.read_parquet if table.suffix == ".parquet" else pd.read_csv
@@ -360,8 +362,6 @@ def predict_table(
         if column in found:
             unknown.setdefault(why, []).append(column)
     notes = [f"{', '.join(names)}: {why}" for why, names in unknown.items()]
-    judged = folder / "verdict.json"
-    status = read_json(judged, Verdict).status if judged.exists() else "not judged"
     if status != "passed":
         notes.append(f"the model of {name} {VERDICT_WORDS[status]}: use this for trials alone")
     return len(found), tuple(notes)

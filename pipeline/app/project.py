@@ -16,7 +16,7 @@ from pipeline.stages.compose import compose
 CODE = "kerf-version"
 """File of the version and hash of the code: what the stage ``code`` depends on in place of it."""
 SHARE = "share/kerf-twin"
-HELD = ("code.json", "golden/", "index/", "locks/", "metrics/", "settings/")
+HELD = ("code.json", "golden/", "history/", "index/", "locks/", "metrics/", "settings/")
 """Parts of data/ that git holds."""
 IGNORED = (
     "mlflow.db",
@@ -35,8 +35,6 @@ def new_project(folder: Path) -> str:
         raise ValueError(f"{folder} is no empty folder and no project of Kerf: name another one")
     source = templates()
     if not known:
-        (folder / "data/golden").mkdir(parents=True)
-        (folder / "data/golden/.gitkeep").touch()
         shutil.copytree(source / "conf", folder / "conf")
         first = (source / "conf/fleet/demo.yaml").read_text(encoding="utf-8")
         write_text(first, folder / "conf/fleet/active.yaml")
@@ -45,6 +43,9 @@ def new_project(folder: Path) -> str:
         _set_up_dvc(folder)
         # `kerf status` reads them
         compose(folder / "conf", folder / "params.yaml", folder / SETTINGS)
+    for some in ("golden", "history"):  # stages depend on them
+        (folder / "data" / some).mkdir(parents=True, exist_ok=True)
+        (folder / "data" / some / ".gitkeep").touch()
     ignored = (folder / ".gitignore").read_text().splitlines()
     if missing := [line for line in IGNORED if line.startswith("!") and line not in ignored]:
         write_text("\n".join([*ignored, *missing]) + "\n", folder / ".gitignore")

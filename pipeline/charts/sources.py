@@ -98,6 +98,11 @@ class SourceRegistry:
             self.broken[shown(path)] = f"not Parquet: {error}"
             return None
 
+    def text(self, path: Path, made_from: str = "") -> str | None:
+        """Text of a file; None when it is absent."""
+        content = self._content(path, made_from)
+        return None if content is None else content.decode(errors="replace")
+
     def source(self, path: Path) -> Source | None:
         """Record of a file that was read."""
         return self.used.get(shown(path))

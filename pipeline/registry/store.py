@@ -6,11 +6,13 @@ import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from pipeline.schema.bundle import Champion
+from pipeline.schema.history import stamp
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -30,6 +32,9 @@ class Version:
     status: str
     aliases: tuple[str, ...]
     tags: Mapping[str, str] = field(default_factory=dict)
+    created: str = ""
+    run: str = ""
+    """Time of its registration, UTC, and the id of its run."""
 
 
 def model_name(machine: str) -> str:
@@ -37,17 +42,21 @@ def model_name(machine: str) -> str:
     return f"kerf-{machine}"
 
 
+def is_server() -> bool:
+    """Whether the store is a server that several people share, not a file of this project."""
+    return bool(os.environ.get("MLFLOW_TRACKING_URI"))
+
+
 def exists(root: Path) -> bool:
     """Whether there is a registry to look into."""
-    return bool(os.environ.get("MLFLOW_TRACKING_URI")) or (root / DATABASE).exists()
+    return is_server() or (root / DATABASE).exists()
 
 
 def versions(machine: str, root: Path = Path()) -> list[Version]:
     """Registered versions of a machine's model, oldest first; ValueError if not readable."""
     if not exists(root):
         return []
-    server = bool(os.environ.get("MLFLOW_TRACKING_URI"))
-    tags, aliases = _of_server(machine, root) if server else _read(machine, root / DATABASE)
+    tags, aliases = _of_server(machine, root) if is_server() else _read(machine, root / DATABASE)
     return [
         Version(
             machine=machine,
@@ -55,29 +64,38 @@ def versions(machine: str, root: Path = Path()) -> list[Version]:
             bundle=said.get("bundle_sha256", ""),
             status=said.get("status", ""),
             aliases=tuple(sorted(alias for alias, n in aliases.items() if n == number)),
-            tags=said,
+            tags={key: value for key, value in said.items() if key not in (CREATED, RUN)},
+            created=stamp(datetime.fromtimestamp(int(said[CREATED]) / 1000, UTC)),
+            run=said[RUN],
         )
         for number, said in sorted(tags.items())
     ]
 
 
 Tags = dict[int, dict[str, str]]
+CREATED, RUN = "\0created", "\0run"
+"""Keys beside the tags, which no tag can have: time of registration [ms] and run."""
 
 
-def _read(machine: str, database: Path) -> tuple[Tags, dict[str, int]]:
-    """Tags by version, and versions by alias, out of the sqlite file."""
+def _read(machine: str, database: Path, mode: str = "ro") -> tuple[Tags, dict[str, int]]:
+    """Tags by version, and versions by alias, out of the sqlite file.
+
+    Where a run broke off while it wrote, SQLite takes its half change back, and has to write.
+    """
     name = (model_name(machine),)
-    uri = f"file:{quote(str(database.resolve()))}?mode=ro"
+    uri = f"file:{quote(str(database.resolve()))}?mode={mode}"
     try:
         with closing(sqlite3.connect(uri, uri=True)) as store:
             tables = {row[0] for row in store.execute("SELECT name FROM sqlite_master")}
             if "model_version_tags" not in tables:
                 return {}, {}
             numbers = store.execute(
-                "SELECT version FROM model_versions"
+                "SELECT version, creation_time, run_id FROM model_versions"
                 " WHERE name = ? AND current_stage != 'Deleted_Internal'", name,
             ).fetchall()  # fmt: skip
-            found: Tags = {number: {} for (number,) in numbers}
+            found: Tags = {
+                number: {CREATED: str(created), RUN: run or ""} for number, created, run in numbers
+            }
             for number, key, value in store.execute(
                 "SELECT version, key, value FROM model_version_tags WHERE name = ?", name
             ):
@@ -86,6 +104,8 @@ def _read(machine: str, database: Path) -> tuple[Tags, dict[str, int]]:
                 "SELECT alias, version FROM registered_model_aliases WHERE name = ?", name
             ).fetchall())  # fmt: skip
     except sqlite3.Error as error:
+        if mode == "ro" and error.sqlite_errorname.startswith("SQLITE_READONLY"):
+            return _read(machine, database, "rw")
         raise ValueError(f"the registry sqlite:///{database} cannot be opened: {error}") from error
     return found, aliases
 
@@ -98,7 +118,10 @@ def _of_server(machine: str, root: Path) -> tuple[Tags, dict[str, int]]:
         return {}, {}
     aliases = client.get_registered_model(model_name(machine)).aliases
     return (
-        {int(v.version): dict(v.tags) for v in found},
+        {
+            int(v.version): dict(v.tags) | {CREATED: str(v.creation_timestamp), RUN: v.run_id or ""}
+            for v in found
+        },
         {alias: int(number) for alias, number in aliases.items()},
     )
 
@@ -170,7 +193,7 @@ def name_versions(machine: str, root: Path, **wanted: str | None) -> None:
     if not changed:
         return
     client, name = client_of(root), model_name(machine)
-    with _writing():
+    with writing():
         for alias, number in changed.items():
             if number is None:
                 client.delete_registered_model_alias(name, alias)
@@ -189,7 +212,7 @@ def note_promotion(machine: str, root: Path, champion: Champion) -> None:
     if not found or all(found[-1].tags.get(tag, "") == value for tag, value in wanted.items()):
         return
     client, name, number = client_of(root), model_name(machine), str(found[-1].version)
-    with _writing():
+    with writing():
         card = client.get_model_version(name, number).description or ""
         client.update_registered_model(name, card)
         for tag, value in wanted.items():
@@ -197,7 +220,7 @@ def note_promotion(machine: str, root: Path, champion: Champion) -> None:
 
 
 @contextmanager
-def _writing() -> Iterator[None]:
+def writing() -> Iterator[None]:
     """A store that cannot be written is one sentence."""
     import mlflow
     from sqlalchemy.exc import SQLAlchemyError

@@ -21,6 +21,7 @@ from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources
 from pipeline.report.alarms import alarms_section
 from pipeline.report.facts import MachineFacts, ModelledPart, StateLine, Truth, already
 from pipeline.report.folders import PROGRAMS, RECORDS
+from pipeline.report.life import LIFE, life_of
 from pipeline.report.part_programs import part_key_figures, part_programs_section
 from pipeline.report.programs.simulated import programs_section
 from pipeline.report.records import records_section
@@ -166,10 +167,11 @@ class EvidencePage:
 
 
 def evidence_pages(facts: MachineFacts, changed: Section, notes: list[str]) -> list[EvidencePage]:
-    """A page for each sub-model, one for programs where there are any, one for the records."""
+    """A page for each sub-model, for programs and the model's life if any, and for the records."""
     return [
         *(_submodel_page(one) for one in facts.models),
         *_programs_page(facts),
+        *_life_page(facts),
         _records_page(facts, changed, notes),
     ]
 
@@ -206,6 +208,14 @@ def _programs_page(facts: MachineFacts) -> list[EvidencePage]:
             pages=[(file, name) for name, file in facts.program_files.items()],
         )
     ]  # fmt: skip
+
+
+def _life_page(facts: MachineFacts) -> list[EvidencePage]:
+    life = life_of(facts)
+    if life is None:
+        return []
+    return [EvidencePage(subject=LIFE, title="Life of the model", state=life.state,
+                         notes=life.notes, sections=life.sections)]  # fmt: skip
 
 
 def _records_page(facts: MachineFacts, changed: Section, notes: list[str]) -> EvidencePage:

@@ -33,6 +33,8 @@ class MachineFolders:
     """Folder ``data/programs/<machine>`` of simulated programs; may be absent."""
     champion: Path | None = None
     """Folder ``data/champion/<machine>`` of the models that serve; may be absent."""
+    history: Path | None = None
+    """File ``data/history/<machine>.jsonl`` of what served when; may be absent."""
     parts: Path | None = None
     """Folder ``data/parts/<machine>`` of optimised programs; may be absent."""
     trial: Path | None = None

@@ -5,12 +5,14 @@ the status of its verdict.
 """
 
 import hashlib
+import json
 import shutil
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from pipeline.schema.files import exchange
 from pipeline.schema.store import StoreError, content, parsed, read_json, write_json
 from pipeline.schema.verdict import Status, Verdict
 
@@ -88,41 +90,33 @@ class Champion:
     since: str
     by: str
     why: str
+    serving: tuple[str, ...] | None = None
+    """Sub-models that serve; None where a choice of before says nothing of it, so that all do."""
 
-
-@dataclass(frozen=True, kw_only=True)
-class SealedLook:
-    """One scoring of the sealed set: each look spends some of its worth, so each is counted."""
-
-    machine: str
-    bundle: str
-    sealed: str
-    at: str
-    outcome: str
+    def serves(self, name: str) -> bool:
+        """Whether a sub-model of the bundle serves."""
+        return self.serving is None or name in self.serving
 
 
 @dataclass(frozen=True, kw_only=True)
 class Champions:
-    """The content of ``champions.json``, which git holds: a promotion is a commit."""
+    """The content of ``champions.json``: what serves at present, as the histories say it."""
 
     machines: Mapping[str, Champion] = field(default_factory=dict)
-    looks: tuple[SealedLook, ...] = ()
 
     def promoted(self, machine: str, champion: Champion) -> "Champions":
         """These champions with one machine's replaced, in the order of the machines' names."""
-        machines = dict(sorted({**self.machines, machine: champion}.items()))
-        return Champions(machines=machines, looks=self.looks)
-
-    def looked(self, look: SealedLook) -> "Champions":
-        """These champions with one look at a sealed set more."""
-        return Champions(machines=self.machines, looks=(*self.looks, look))
+        return Champions(machines=dict(sorted({**self.machines, machine: champion}.items())))
 
 
 def read_champions(path: Path) -> Champions:
     """The champions in ``champions.json``; none where there is no such file."""
     if not path.exists():
         return Champions()
-    return read_json(path, Champions, f"restore it with `git checkout {path.name}`")
+    remedy = f"restore it with `git checkout {path.name}`"
+    said = read_json(path, dict[str, Any], remedy)
+    said.pop("looks", None)  # looks at sealed sets stand in the histories now
+    return parsed(json.dumps(said).encode(), Champions, str(path), remedy)
 
 
 def write_champions(champions: Champions, path: Path) -> None:
@@ -176,8 +170,11 @@ def stored_bundle(folder: Path, machine: str) -> Bundle | None:
         return None
 
 
-def copy_bundle(source: Path, bundle: Bundle, target: Path) -> None:
-    """Fill the folder ``target`` with a bundle at once: models, verdicts and ``bundle.json``."""
+def copy_bundle(source: Path, bundle: Bundle, target: Path, warm: Path | None = None) -> None:
+    """Fill the folder ``target`` with a bundle at once: models, verdicts and ``bundle.json``.
+
+    A run that breaks off leaves the bundle of before or this one; that of before goes to ``warm``.
+    """
     beside = target.with_name(f".{target.name}.new")
     shutil.rmtree(beside, ignore_errors=True)
     for name in bundle.submodels:
@@ -187,12 +184,15 @@ def copy_bundle(source: Path, bundle: Bundle, target: Path) -> None:
             copy.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(path, copy)
     write_json(bundle, beside / BUNDLE)
-    old = target.with_name(f".{target.name}.old")
-    shutil.rmtree(old, ignore_errors=True)
-    if target.exists():
-        target.replace(old)
-    beside.replace(target)
-    shutil.rmtree(old, ignore_errors=True)
+    if not target.exists():
+        beside.replace(target)
+        return
+    exchange(beside, target)
+    if warm is not None and (beside / BUNDLE).exists():
+        shutil.rmtree(warm, ignore_errors=True)
+        warm.parent.mkdir(parents=True, exist_ok=True)
+        beside.replace(warm)
+    shutil.rmtree(beside, ignore_errors=True)
 
 
 def bundle_words(models: Path) -> str:

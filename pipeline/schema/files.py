@@ -5,6 +5,7 @@ part of either.  The cache holds what is worked out once and may be deleted at a
 """
 
 import atexit
+import ctypes
 import os
 import signal
 import sys
@@ -22,6 +23,8 @@ PART = ".part"
 """End of the name of a file that is not whole yet."""
 LONGEST = 200
 """Bytes of a file's name that go into the name beside it; file systems allow 255."""
+AT_CWD, RENAME_EXCHANGE = -100, 2
+"""Paths below the working folder, and swap of two names: linux/fcntl.h and linux/fs.h."""
 _numbers = count()
 _held: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("_held", default=None)
 """Files of :func:`together` that wait beside their places."""
@@ -169,6 +172,21 @@ def _remove(part: Path) -> None:
     with suppress(OSError):
         part.unlink(missing_ok=True)
     _begun.discard(part)
+
+
+def exchange(one: Path, other: Path) -> None:
+    """Swap two files or folders of one file system, so that neither name is ever without one.
+
+    Where the system cannot do both at once (renameat2 of Linux), they are moved one by one.
+    """
+    swap = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
+    names = (AT_CWD, os.fsencode(one), AT_CWD, os.fsencode(other))
+    if swap is not None and swap(*names, RENAME_EXCHANGE) == 0:
+        return
+    aside = beside(other)
+    other.replace(aside)
+    one.replace(other)
+    aside.replace(one)
 
 
 def _finish(part: Path, target: Path) -> None:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from pipeline.champions import keep_serving
+from pipeline.champions.serving import keep_serving
 from pipeline.fleet import Fleet
 from pipeline.schema.bundle import MODEL
 from pipeline.schema.store import write_json

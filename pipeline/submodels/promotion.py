@@ -1,65 +1,46 @@
-"""Gate of a promotion: a challenger's errors against the champion's on the same cases.
+"""Gate of a promotion: a challenger is judged against the champion, rule by rule.
 
-Both are predicted on the golden cases of the machine, or on the held-out ones where no golden case
-decides, and compared group by group (day, recording, tool).  A case whose raw files one of the two
-was fitted on is left out of the comparison.
+Both are compared on the golden cases of the machine, or on the held-out ones where no golden case
+decides, group by group (day, recording, tool); on the newest day where records are continuous; and
+on the sealed cases last.  A case whose raw files one of the two was fitted on is left out.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
+from pipeline.schema.bundle import VERDICT, Bundle
+from pipeline.schema.decision import Against, Compared, Result, Rule, RuleName
 from pipeline.schema.golden import GoldenSets
+from pipeline.schema.model import Model
 from pipeline.schema.ranges import NotNegative, Ranged
 from pipeline.schema.store import StoreError, read_json
 from pipeline.schema.verdict import Role, Score, Status, Verdict
-from pipeline.submodels.cases import Cases, Records
+from pipeline.submodels.cases import Cases, Records, golden_used, learnt_from, newest_day
 from pipeline.submodels.contract import SubModel
 from pipeline.submodels.judge import judge
-from pipeline.submodels.scoring import FEWEST_GROUPS
+from pipeline.submodels.scoring import ALL, FEWEST_GROUPS
 from pipeline.submodels.statistics import gains
+
+Look = Literal["golden", "newest day", "sealed"]
+"""Cases that are looked at."""
+LACKING: tuple[Status, ...] = ("failed", "not judged")
+"""Statuses that are a failure where the champion's is none of them."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PromotionSettings(Ranged, section="promotion"):
-    """Tolerances of a promotion."""
+    """Tolerances of a promotion, and how long the one before stays warm."""
 
     tolerance: NotNegative = 0.05
     """Greatest rise of the mean absolute error of any target over the champion's [1]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Compared:
-    """Target of a sub-model, predicted by champion and challenger."""
-
-    submodel: str
-    quantity: str
-    regime: str
-    unit: str
-    """Target, with its sub-model and unit."""
-    groups: int
-    """Groups that both predicted."""
-    champion: float
-    challenger: float
-    """Mean absolute error, averaged over the groups [unit]."""
-    better: bool
-    """Whether the challenger's squared errors are significantly lower over the groups, by more than
-    trainings with other seeds differ."""
-    worse: bool
-    """Whether its mean error is above the champion's by more than the tolerance."""
-
-    @property
-    def words(self) -> str:
-        """The comparison as a sentence without its verdict."""
-        regime = f", {self.regime}" if self.regime else ""
-        groups = "1 group" if self.groups == 1 else f"{self.groups} groups"
-        return (
-            f"{self.submodel} ({self.quantity}{regime}): mean error {self.challenger:.4g} "
-            f"{self.unit} against the champion's {self.champion:.4g} {self.unit} over {groups}"
-        )
+    group_tolerance: NotNegative = 0.5
+    """Greatest rise in a single group (day, recording, tool), over the champion's mean [1]."""
+    warm_hours: NotNegative = 48.0
+    """Time for which the one before can be taken back at once and cannot be deleted [h]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,8 +51,13 @@ class Contest:
     """Sub-model."""
     compared: tuple[Compared, ...]
     """Comparisons by target with limits; none where no case could be compared."""
-    status: Status = "not judged"
-    """Status of the challenger against its limits, on the cases that were looked at."""
+    champion: Status = "not judged"
+    challenger: Status = "not judged"
+    """Status of each against its limits, on the cases that were looked at."""
+    learnt: tuple[str, ...] = ()
+    """Frozen records that the challenger was fitted on, in words."""
+    canaries: tuple[str, ...] = ()
+    """Words of the canaries that the challenger did not pass."""
     note: str = ""
     """Why nothing was compared."""
 
@@ -83,50 +69,93 @@ class Contest:
 
 def contest(
     submodel: SubModel[Any, Any, Any],
-    settings: Any,
-    records: Records,
+    judging: Any,
+    records: Sequence[Records],
     *,
     sets: GoldenSets | None,
     champion: Path,
     challenger: Path,
-    tolerance: float,
-    roles: Sequence[Role] = ("golden", "held_out"),
-) -> Contest:
-    """Predict the same cases with both models of a sub-model, and compare their errors.
+    settings: PromotionSettings,
+    look: Look = "golden",
+) -> Contest | None:
+    """Compare the errors of both models of a sub-model on the same cases.
 
-    ``settings`` are of its ``judging`` type; ``champion`` and ``challenger`` the folders of the two
-    models; ``tolerance`` as in :class:`PromotionSettings` [1]; ``roles`` of the cases that are
-    looked at are ``("sealed",)`` for the last look.
+    ``judging`` are settings of its judging type; ``records`` those of champion and challenger,
+    which differ in the models that it builds on; ``champion`` and ``challenger`` the folders of the
+    two models.  Where both verdicts are on the present golden set, their scores are taken.  None
+    where there is no case of that look at all.
     """
-    name = submodel.name
+    name, folders = submodel.name, (champion, challenger)
     try:
-        models = [read_json(folder / "model.json", submodel.model)
-                  for folder in (champion, challenger)]  # fmt: skip
-        predictors = [submodel.load(folder, settings) for folder in (champion, challenger)]
+        models: list[Model] = [read_json(f / "model.json", submodel.model) for f in folders]
+        verdicts = [read_json(folder / VERDICT, Verdict) for folder in folders]
+        if look != "golden" or not _same_cases(models, verdicts, sets):
+            both = [submodel.cases(own, judging, sets) for own in records]
+            looked_at, roles = _looked_at(both[1], look)
+            if look != "golden" and not looked_at:
+                return None
+            fitted = {sha256 for model in models for sha256 in model.training_files}
+            names = {
+                case.name for case in looked_at if not any(f.sha256 in fitted for f in case.files)
+            }
+            verdicts = [
+                judge(
+                    model, submodel.load(folder, judging),
+                    Cases(cases=tuple(case for case in cases.cases if case.name in names)),
+                    submodel.targets(judging, model), sets=sets, files=own.files, roles=roles,
+                ).verdict
+                for model, folder, cases, own in zip(models, folders, both, records, strict=True)
+            ]  # fmt: skip
     except StoreError as error:
         return Contest(submodel=name, compared=(), note=f"cannot be compared: {error}")
-    fitted = {sha256 for model in models for sha256 in model.training_files}
-    unseen = [
-        case for case in submodel.cases(records, settings, sets).cases
-        if not any(one.sha256 in fitted for one in case.files)
-    ]  # fmt: skip
-    cases = Cases(cases=tuple(unseen))
-    verdicts = [
-        judge(
-            model, predictor, cases, submodel.targets(settings, model),
-            sets=sets, files=records.files, roles=roles,
-        ).verdict
-        for model, predictor in zip(models, predictors, strict=True)
-    ]  # fmt: skip
-    compared = tuple(compare(verdicts[0], verdicts[1], tolerance))
+    compared = tuple(compare(verdicts[0], verdicts[1], settings))
     note = "" if compared else "no case that neither model was fitted on could be compared"
-    return Contest(submodel=name, compared=compared, status=verdicts[1].status, note=note)
+    return Contest(
+        submodel=name, compared=compared, note=note,
+        champion=verdicts[0].status, challenger=verdicts[1].status,
+        learnt=tuple(_learnt(models[1], sets)),
+        canaries=tuple(one.words for one in verdicts[1].canaries if one.status == "failed"),
+    )  # fmt: skip
 
 
-def compare(champion: Verdict, challenger: Verdict, tolerance: float) -> list[Compared]:
+def _looked_at(cases: Cases, look: Look) -> tuple[Sequence[Any], tuple[Role, ...]]:
+    if look == "newest day":
+        return newest_day(cases), ("held_out",)
+    roles: tuple[Role, ...] = ("sealed",) if look == "sealed" else ("golden", "held_out")
+    return cases.of(*roles), roles
+
+
+def _same_cases(
+    models: Sequence[Model], verdicts: Sequence[Verdict], sets: GoldenSets | None
+) -> bool:
+    """Whether two verdicts are on the same golden cases, the present ones, none of them learnt."""
+    if sets is None or sets.golden is None:
+        return False
+    first, second = ({(c.case, c.group) for c in v.cases if c.role == "golden"} for v in verdicts)
+    present = golden_used(sets.golden)
+    return (
+        first == second
+        and all(v.judged_role == "golden" and v.golden == present for v in verdicts)
+        and not any(_learnt(model, sets) for model in models)
+    )
+
+
+def _learnt(model: Model, sets: GoldenSets | None) -> list[str]:
+    """Frozen records that a model was fitted on, in words."""
+    if sets is None:
+        return []
+    found: dict[str, None] = {}
+    for what, frozen in (("golden", sets.golden), ("sealed", sets.sealed)):
+        pairs = [learnt_from(frozen, case) for case in model.trained_on] if frozen else []
+        for pair in filter(None, pairs):
+            found[f"{model.submodel} was fitted on {pair[1].file} of the {what} set"] = None
+    return list(found)
+
+
+def compare(champion: Verdict, challenger: Verdict, settings: PromotionSettings) -> list[Compared]:
     """Errors of two models of a sub-model, paired over the groups that decide.
 
-    Both are verdicts on the same cases; ``tolerance`` as in :class:`PromotionSettings` [1].
+    Both are verdicts on the same cases.
     """
     first, second = _by_group(champion), _by_group(challenger)
     targets = dict.fromkeys((s.quantity, s.regime, s.unit) for s in second.values())
@@ -135,64 +164,185 @@ def compare(champion: Verdict, challenger: Verdict, tolerance: float) -> list[Co
         keys = [k for k in second if k[:2] == (quantity, regime) and k in first]
         if not keys:
             continue
-        old, new = ([scores[key] for key in keys] for scores in (first, second))
-        mean_old, mean_new = (float(np.mean([s.mae for s in some])) for some in (old, new))
-        squared_old, squared_new = (
-            np.array([s.rmse for s in some], dtype=float) ** 2 for some in (old, new)
+        pairs = [(first[key], second[key]) for key in keys]
+        mean_old, mean_new = (
+            float(np.mean([pair[side].mae or 0.0 for pair in pairs])) for side in (0, 1)
         )
+        result, worst = _against(pairs, mean_old, mean_new, settings)
         found.append(
             Compared(
                 submodel=challenger.submodel, quantity=quantity, regime=regime, unit=unit,
-                groups=len(keys), champion=mean_old, challenger=mean_new,
-                better=mean_old - mean_new > _spread(new) and gains(squared_old, squared_new),
-                worse=mean_new > (1 + tolerance) * mean_old,
+                groups=len(keys), champion=mean_old, challenger=mean_new, result=result,
+                worst_group=worst,
             )
         )  # fmt: skip
     return found
 
 
-def _spread(scores: Sequence[Score]) -> float:
-    return float(np.mean([s.spread.get("mae", 0.0) for s in scores]))
+def _against(
+    pairs: Sequence[tuple[Score, Score]],
+    old: float,
+    new: float,
+    settings: PromotionSettings,
+) -> tuple[Against, str]:
+    """Result of a target from its groups' scores and both means, and the group that alone is bad.
+
+    Better is what a paired test over the groups shows, by more than trainings with other seeds
+    differ; worse what passes a tolerance by more than that.
+    """
+    spread = float(np.mean([score.spread.get("mae", 0.0) for _, score in pairs]))
+    rises = {b.group: (b.mae or 0.0) - (a.mae or 0.0) - b.spread.get("mae", 0.0) for a, b in pairs}
+    worst = max(rises, key=lambda group: rises[group])
+    if rises[worst] > settings.group_tolerance * old:
+        return "worse", worst
+    if new > (1 + settings.tolerance) * old:
+        return ("worse" if new - old > spread else "not decided"), ""
+    before, after = (
+        np.array([pair[side].rmse for pair in pairs], dtype=float) ** 2 for side in (0, 1)
+    )
+    if gains(before, after):
+        return ("better" if old - new > spread else "not decided"), ""
+    return "equal", ""
 
 
 def _by_group(verdict: Verdict) -> dict[tuple[str, str, str], Score]:
-    """Scores that decide, by quantity, regime and group."""
+    """Scores of targets that decide, by quantity, regime and group."""
+    own = [s for s in verdict.scores if s.role == verdict.judged_role]
+    deciding = {(s.quantity, s.regime) for s in own if s.status != "not judged"}
     return {
-        (s.quantity, s.regime, s.group): s
-        for s in verdict.scores
-        if s.limits and s.role == verdict.judged_role and None not in (s.mae, s.rmse)
-    }
+        (s.quantity, s.regime, s.group): s for s in own
+        if (s.quantity, s.regime) in deciding and s.group != ALL and None not in (s.mae, s.rmse)
+    }  # fmt: skip
 
 
-def objections(
+# The rules.
+
+
+def first_rules(
     contests: Sequence[Contest],
+    newest: Sequence[Contest],
     *,
-    statuses: dict[str, Status],
-    added: Sequence[str] = (),
-    absent: Sequence[str] = (),
-) -> list[str]:
-    """Objections to a promotion, each as a sentence; none when the challenger may serve.
+    champion: Bundle,
+    challenger: Bundle,
+    serving: Iterable[str],
+) -> list[Rule]:
+    """Rules that are judged before anything sealed is looked at.
 
-    A challenger serves when it is significantly better in at least one sub-model, or adds one that
-    passed, and is in none worse than the tolerance.  One that is not decided neither speaks for it
-    nor against it.
+    ``contests`` and ``newest`` are of the sub-models that differ, on the golden cases and on the
+    newest day; ``serving`` are the sub-models of the champion that serve: no other can block.
     """
-    found = [f"its {name} failed: see {name}/verdict.json" for name, status in statuses.items()
-             if status == "failed"]  # fmt: skip
-    found += [f"it has no {name}, which the champion has" for name in absent]
-    found += [one.words for one in contests if not one.compared]
-    compared = [one for contest in contests for one in contest.compared]
-    found += [f"it is worse: {one.words}" for one in compared if one.worse]
-    gained = [name for name in added if statuses[name] == "passed"]
-    if not gained and not any(one.better for one in compared):
-        found.append(_not_better(compared))
-    return found
+    served = set(serving)
+    return [
+        _complete(champion, challenger, served),
+        _rule("unseen", [said for one in contests for said in one.learnt]),
+        _rule("canaries", [f"{one.submodel}: {said}" for one in contests for said in one.canaries]),
+        _no_new_failure(contests, champion, challenger, served),
+        _not_worse("not worse", contests, served),
+        _not_worse("newest day", newest, served),
+        _better(contests, champion, challenger),
+    ]
+
+
+def sealed_rule(contests: Sequence[Contest], serving: Iterable[str]) -> Rule:
+    """Rule of the sealed set: nothing that serves fails anew there, and nothing is worse."""
+    served = set(serving)
+    rule = _not_worse("sealed", contests, served)
+    failed = [
+        f"its {one.submodel} fails on the sealed set: {one.words}"
+        for one in contests
+        if one.challenger == "failed" != one.champion and one.submodel in served
+    ]
+    words = (*failed, *rule.words)
+    return Rule(
+        name="sealed", result="broken" if failed else rule.result, words=words,
+        figures=rule.figures,
+    )  # fmt: skip
+
+
+def _rule(name: RuleName, against: Sequence[str], remarks: Sequence[str] = ()) -> Rule:
+    result: Result = "broken" if against else "kept"
+    return Rule(name=name, result=result, words=(*against, *remarks))
+
+
+def _complete(champion: Bundle, challenger: Bundle, served: set[str]) -> Rule:
+    absent = [name for name in champion.submodels if name not in challenger.submodels]
+    return _rule(
+        "complete",
+        [f"it has no {name}, which serves" for name in absent if name in served],
+        [f"{name} is gone, on which nothing rests" for name in absent if name not in served],
+    )
+
+
+def _no_new_failure(
+    contests: Sequence[Contest], champion: Bundle, challenger: Bundle, served: set[str]
+) -> Rule:
+    against: list[str] = []
+    remarks: list[str] = []
+    changed = {one.submodel: one for one in contests}
+    for name, one in challenger.submodels.items():
+        before = champion.submodels.get(name)
+        if one.status not in LACKING:
+            continue
+        if before is None:
+            remarks.append(f"{name} is new, {one.status}, and does not serve")
+        elif name not in changed:
+            remarks.append(f"{name} is {one.status}, the same model as the champion's")
+        elif changed[name].champion in LACKING:
+            remarks.append(f"{name} is {one.status} in both")
+        elif name not in served:
+            remarks.append(f"{name} is {one.status}, and nothing that serves rests on it")
+        else:
+            why = changed[name].words
+            against.append(f"its {name} is {one.status} where the champion's passes: {why}")
+    return _rule("no new failure", against, remarks)
+
+
+def _not_worse(name: RuleName, contests: Sequence[Contest], served: set[str]) -> Rule:
+    """Nothing that serves is worse, over all groups or in one of them."""
+    if not contests:
+        return Rule(name=name, result="no data", words=("there are no such records",))
+    against: list[str] = []
+    remarks: list[str] = []
+    for one in contests:
+        blocks = one.submodel in served
+        if not one.compared:
+            (against if blocks else remarks).append(f"{one.submodel}: {one.note}")
+        for compared in one.compared:
+            if compared.result == "worse":
+                (against if blocks else remarks).append(f"worse: {compared.words}")
+            elif compared.result == "not decided" and compared.challenger > compared.champion:
+                remarks.append(f"within the spread of trainings: {compared.words}")
+    rule = _rule(name, against, remarks)
+    figures = tuple(compared for one in contests for compared in one.compared)
+    return Rule(name=name, result=rule.result, words=rule.words, figures=figures)
+
+
+def _better(contests: Sequence[Contest], champion: Bundle, challenger: Bundle) -> Rule:
+    """At least one sub-model that will serve is better, or passed and did not serve before."""
+    passed = {name for name, one in challenger.submodels.items() if one.status == "passed"}
+    gained = [f"adds {name}, which passed" for name in sorted(passed)
+              if name not in champion.submodels]  # fmt: skip
+    gained += [
+        f"{one.submodel} passed where the champion's {one.champion.replace('not', 'was not')}"
+        for one in contests if one.submodel in passed and one.champion in LACKING
+    ]  # fmt: skip
+    compared = [c for one in contests if one.submodel in passed for c in one.compared]
+    better = [f"better: {one.words}" for one in compared if one.result == "better"]
+    if gained or better:
+        return Rule(name="better", result="kept", words=(*gained, *better))
+    near = [one for one in compared
+            if one.result == "not decided" and one.challenger < one.champion]  # fmt: skip
+    if near:
+        said = "; ".join(one.words for one in near)
+        return Rule(name="better", result="not decided",
+                    words=(f"the gain is within the spread of trainings: {said}",))  # fmt: skip
+    return Rule(name="better", result="broken", words=(_not_better(compared),))
 
 
 def _not_better(compared: Sequence[Compared]) -> str:
     """Why no difference counts: too few groups, or none that chance could not make."""
     if not compared:
-        return "no sub-model was compared, so that none is shown to be better"
+        return "no sub-model that serves was compared, so that none is shown to be better"
     said = "; ".join(one.words for one in compared)
     if all(one.groups < FEWEST_GROUPS for one in compared):
         return (
@@ -200,16 +350,3 @@ def _not_better(compared: Sequence[Compared]) -> str:
             "record more, or promote it with --anyway"
         )
     return f"no sub-model is significantly better ({said})"
-
-
-def sealed_objections(contests: Sequence[Contest]) -> list[str]:
-    """Objections of the sealed set to a promotion: exceeded limits, larger errors."""
-    failed = [
-        f"its {one.submodel} fails on the sealed set: {one.words}"
-        for one in contests if one.status == "failed"
-    ]  # fmt: skip
-    worse = [
-        f"it is worse on the sealed set: {compared.words}"
-        for one in contests for compared in one.compared if compared.worse
-    ]  # fmt: skip
-    return [*failed, *worse]

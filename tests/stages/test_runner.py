@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 import yaml
 
-from pipeline.champions import NO_SUBMODEL, status
+from pipeline.champions.serving import NO_SUBMODEL, status
 from pipeline.fleet import Fleet
 from pipeline.schema.golden import FrozenSet, GoldenSets, write_golden
 from pipeline.schema.model import Model, SourceFile

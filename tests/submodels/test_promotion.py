@@ -1,9 +1,14 @@
 """The gate of a promotion: what counts as better, what as worse, and what a sentence says of it."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from pipeline.schema.bundle import Bundle, BundledModel
+from pipeline.schema.decision import Decision, Side
 from pipeline.schema.golden import read_golden
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.verdict import Role, Score, Status, Verdict
@@ -14,8 +19,8 @@ from pipeline.submodels.promotion import (
     PromotionSettings,
     compare,
     contest,
-    objections,
-    sealed_objections,
+    first_rules,
+    sealed_rule,
 )
 from pipeline.submodels.spindle.submodel import Judging, SpindleLimits
 from pipeline.twin.spindle import SpindleRecords
@@ -42,95 +47,156 @@ def verdict(
 
 
 OLD = {"a": 2.0, "b": 2.2, "c": 1.9, "d": 2.1}
+SETTINGS = PromotionSettings()
 
 
-def against(new: dict[str, float], **more: object) -> list[str]:
-    compared = tuple(compare(verdict(OLD), verdict(new), 0.05))
-    contests = [Contest(submodel="drive", compared=compared)]
-    return objections(contests, statuses={"drive": "passed"}, **more)  # type: ignore[arg-type]
+def scaled(factor: float) -> dict[str, float]:
+    return {group: factor * error for group, error in OLD.items()}
+
+
+def met(new: dict[str, float], name: str = "drive", spread: float = 0.0, **fields: Any) -> Contest:
+    """A contest of a sub-model by the errors of its challenger."""
+    compared = compare(verdict(OLD), verdict(new, spread=spread), SETTINGS)
+    compared = [replace(one, submodel=name) for one in compared]
+    given = {"champion": "passed", "challenger": "passed"} | fields
+    return Contest(submodel=name, compared=tuple(compared), **given)
+
+
+def bundle(statuses: dict[str, Status], sha256: str) -> Bundle:
+    submodels = {name: BundledModel(sha256=sha256, status=one) for name, one in statuses.items()}
+    return Bundle(machine="m", origin="simulated", submodels=submodels, sha256=sha256)
+
+
+def against(
+    *contests: Contest,
+    newest: Sequence[Contest] = (),
+    old: dict[str, Status] | None = None,
+    new: dict[str, Status] | None = None,
+    serving: Sequence[str] | None = None,
+) -> dict[str, str]:
+    """Rules that keep a challenger from serving, with their words."""
+    names: dict[str, Status] = {one.submodel: "passed" for one in contests}
+    champion, challenger = bundle(old or names, "1"), bundle(new or old or names, "2")
+    rules = first_rules(
+        contests, newest, champion=champion, challenger=challenger,
+        serving=[n for n, one in champion.submodels.items() if one.status == "passed"]
+        if serving is None else serving,
+    )  # fmt: skip
+    side = Side(version=1, bundle="")
+    decision = Decision(machine="m", origin="simulated", champion=side, challenger=side,
+                        changed=(), golden="", rules=tuple(rules))  # fmt: skip
+    return {one.name: f"{one.result}: {one.sentence}" for one in decision.against}
 
 
 def test_one_that_is_better_in_every_group_serves() -> None:
-    (found,) = compare(verdict(OLD), verdict({k: 0.8 * v for k, v in OLD.items()}), 0.05)
-    assert (found.groups, found.better, found.worse) == (4, True, False)
+    (found,) = compare(verdict(OLD), verdict(scaled(0.8)), SETTINGS)
+    assert (found.groups, found.result) == (4, "better")
     assert found.words == (
         "drive (force): mean error 1.64 N against the champion's 2.05 N over 4 groups"
     )
-    assert against({k: 0.8 * v for k, v in OLD.items()}) == []
+    assert against(met(scaled(0.8))) == {}
 
 
 def test_a_difference_that_chance_could_make_does_not_count() -> None:
     mixed = {"a": 1.2, "b": 2.4, "c": 2.0, "d": 2.2}
-    (said,) = against(mixed)
-    assert said.startswith("no sub-model is significantly better (drive (force): mean error 1.95")
-    assert against(OLD) == [
-        "no sub-model is significantly better (drive (force): mean error 2.05 N against the "
-        "champion's 2.05 N over 4 groups)"
-    ]
+    said = against(met(mixed))
+    assert list(said) == ["better"]
+    assert "no sub-model is significantly better (drive (force): mean error 1.95" in said["better"]
+    assert list(against(met(OLD))) == ["better"]
 
 
 def test_with_two_groups_nothing_is_significant_and_the_sentence_says_so() -> None:
-    (said,) = against({"a": 0.1, "b": 0.1})
-    assert said.startswith("with fewer than 3 groups no difference is significant")
+    said = against(met({"a": 0.1, "b": 0.1}))["better"]
+    assert said.startswith("broken: with fewer than 3 groups no difference is significant")
     assert "--anyway" in said and "over 2 groups" in said
 
 
 @pytest.mark.parametrize(("factor", "worse"), [(1.04, False), (1.06, True)])
 def test_a_mean_error_may_rise_by_the_tolerance(factor: float, worse: bool) -> None:
-    new = {k: factor * v for k, v in OLD.items()}
-    (found,) = compare(verdict(OLD), verdict(new), PromotionSettings().tolerance)
-    assert (found.better, found.worse) == (False, worse)
-    assert any("it is worse: drive" in said for said in against(new)) is worse
+    (found,) = compare(verdict(OLD), verdict(scaled(factor)), SETTINGS)
+    assert (found.result == "worse") is worse
+    assert ("not worse" in against(met(scaled(factor)))) is worse
 
 
-@pytest.mark.parametrize(("spread", "better"), [(0.4, True), (0.42, False)])
-def test_a_gain_that_another_training_would_not_show_is_none(spread: float, better: bool) -> None:
+def test_good_on_average_and_bad_in_one_group_is_worse_and_the_group_is_named() -> None:
+    new = scaled(0.5) | {"d": OLD["d"] + 1.1}
+    (found,) = compare(verdict(OLD), verdict(new), SETTINGS)
+    assert (found.result, found.worst_group) == ("worse", "d")
+    assert found.challenger < found.champion
+    assert against(met(new))["not worse"].endswith("over 4 groups, worst in d")
+
+
+@pytest.mark.parametrize(("spread", "result"), [(0.4, "better"), (0.42, "not decided")])
+def test_a_gain_that_another_training_would_not_show_is_not_decided(
+    spread: float, result: str
+) -> None:
     """0.41 N better in the mean; trainings with other seeds differ by less, and by more."""
-    new = {k: 0.8 * v for k, v in OLD.items()}
-    (found,) = compare(verdict(OLD), verdict(new, spread=spread), 0.05)
-    assert (found.better, found.worse) == (better, False)
+    (found,) = compare(verdict(OLD), verdict(scaled(0.8), spread=spread), SETTINGS)
+    assert found.result == result
+    said = against(met(scaled(0.8), spread=spread)).get("better", "")
+    assert said.startswith("not decided: the gain is within the spread") is (result != "better")
 
 
-def test_what_is_not_decided_speaks_neither_for_a_challenger_nor_against_it() -> None:
-    better = tuple(compare(verdict(OLD), verdict({k: 0.5 * v for k, v in OLD.items()}), 0.05))
-    contests = [Contest(submodel="drive", compared=better)]
-    assert objections(contests, statuses={"drive": "not decided"}) == []
-    (said,) = objections([], statuses={"wear": "not decided"}, added=["wear"])
-    assert said == "no sub-model was compared, so that none is shown to be better"
-    sealed = [Contest(submodel="drive", compared=better, status="not decided")]
-    assert sealed_objections(sealed) == []
+def test_a_rise_within_the_spread_of_trainings_does_not_block() -> None:
+    better, unsure = met(scaled(0.5)), met(scaled(1.2), name="wear", spread=0.5)
+    assert unsure.compared[0].result == "not decided"
+    assert against(better, unsure) == {}
 
 
 def test_better_in_one_sub_model_does_not_pay_for_another_that_is_worse() -> None:
-    better = compare(verdict(OLD), verdict({k: 0.5 * v for k, v in OLD.items()}), 0.05)
-    worse = compare(verdict(OLD), verdict({k: 1.2 * v for k, v in OLD.items()}), 0.05)
-    contests = [Contest(submodel="a", compared=tuple(better)),
-                Contest(submodel="b", compared=tuple(worse))]  # fmt: skip
-    (said,) = objections(contests, statuses={"a": "passed", "b": "passed"})
-    assert said.startswith("it is worse: drive (force): mean error 2.46 N")
+    said = against(met(scaled(0.5)), met(scaled(1.2), name="wear"))
+    assert list(said) == ["not worse"] and "wear (force): mean error 2.46 N" in said["not worse"]
 
 
-def test_sub_models_that_came_went_failed_or_were_not_compared() -> None:
-    assert objections([], statuses={"drive": "passed"}, added=["drive"]) == []
-    (said,) = objections([], statuses={"drive": "not judged"}, added=["drive"])
-    assert said == "no sub-model was compared, so that none is shown to be better"
-    found = objections(
-        [Contest(submodel="wear", compared=(), note="cannot be compared: model.json is broken")],
-        statuses={"drive": "failed", "wear": "passed"}, added=["drive"], absent=["spindle"],
-    )  # fmt: skip
-    assert found == [
-        "its drive failed: see drive/verdict.json",
-        "it has no spindle, which the champion has",
-        "wear: cannot be compared: model.json is broken",
-        "no sub-model was compared, so that none is shown to be better",
-    ]
+def test_old_failures_do_not_block_and_new_ones_do() -> None:
+    old: dict[str, Status] = {"drive": "passed", "wear": "failed", "control": "failed"}
+    better = met(scaled(0.5))
+    fails = met(OLD, name="wear", champion="failed", challenger="failed")
+    assert against(better, fails, old=old) == {}  # wear failed in both, control is the same model
+    new = met(scaled(0.5), challenger="failed")
+    said = against(new, fails, old=old, new={**old, "drive": "failed"})
+    assert said["no new failure"].startswith("broken: its drive is failed where the champion's")
+    assert against(met(scaled(0.5), name="wear"), old=old, new={**old, "wear": "passed"}) == {}
+
+
+def test_a_sub_model_that_does_not_serve_cannot_block() -> None:
+    old: dict[str, Status] = {"drive": "passed", "wear": "failed"}
+    worse = met(scaled(3.0), name="wear", champion="failed", challenger="failed")
+    assert against(met(scaled(0.5)), worse, old=old) == {}
+    assert list(against(worse, old=old)) == ["better"]
+    assert "not worse" in against(met(scaled(0.5)), worse, old=old, serving=["drive", "wear"])
+
+
+def test_sub_models_that_came_went_or_were_not_compared() -> None:
+    one: dict[str, Status] = {"drive": "passed"}
+    assert against(old={}, new=one) == {}
+    assert list(against(old={}, new={"drive": "not judged"})) == ["better"]
+    said = against(old={**one, "spindle": "passed"}, new=one)
+    assert said["complete"] == "broken: it has no spindle, which serves"
+    broken = Contest(submodel="wear", compared=(), note="cannot be compared: model.json is broken")
+    said = against(met(scaled(0.5)), broken)
+    assert said == {"not worse": "broken: wear: cannot be compared: model.json is broken"}
+
+
+def test_what_was_frozen_or_is_seen_blocks_by_its_own_rule() -> None:
+    said = against(met(scaled(0.5), learnt=("drive was fitted on a.csv of the golden set",)))
+    assert said == {"unseen": "broken: drive was fitted on a.csv of the golden set"}
+    said = against(met(scaled(0.5), canaries=("the residual is among the inputs",)))
+    assert said == {"canaries": "broken: drive: the residual is among the inputs"}
+
+
+def test_the_newest_day_may_not_be_worse() -> None:
+    assert list(against(met(scaled(0.5)), newest=[met(scaled(1.2))])) == ["newest day"]
+    assert against(met(scaled(0.5)), newest=[met(scaled(1.0))]) == {}
 
 
 def test_the_sealed_set_speaks_only_against() -> None:
-    equal = tuple(compare(verdict(OLD, "sealed"), verdict(OLD, "sealed"), 0.05))
-    assert sealed_objections([Contest(submodel="drive", compared=equal, status="passed")]) == []
-    (said,) = sealed_objections([Contest(submodel="drive", compared=equal, status="failed")])
-    assert said.startswith("its drive fails on the sealed set: drive (force)")
+    equal = met(OLD)
+    assert sealed_rule([equal], ["drive"]).result == "kept"
+    rule = sealed_rule([met(OLD, challenger="failed")], ["drive"])
+    assert rule.result == "broken" and rule.sentence.startswith("its drive fails on the sealed set")
+    assert sealed_rule([met(OLD, challenger="failed")], []).result == "kept"
+    assert sealed_rule([], ["drive"]).result == "no data"
 
 
 def test_champion_and_challenger_meet_on_the_golden_days(tmp_path: Path) -> None:
@@ -148,24 +214,26 @@ def test_champion_and_challenger_meet_on_the_golden_days(tmp_path: Path) -> None
     )
     sets = read_golden(root / f"data/golden/{MACHINE}.json")
 
-    def met(champion: Path, challenger: Path) -> Contest:
-        return contest(
-            submodel("spindle"), settings, records, sets=sets, champion=champion,
-            challenger=challenger, tolerance=0.05,
+    def between(champion: Path, challenger: Path) -> Contest:
+        found = contest(
+            submodel("spindle"), settings, (records, records), sets=sets, champion=champion,
+            challenger=challenger, settings=SETTINGS,
         )  # fmt: skip
+        assert found is not None
+        return found
 
-    (found,) = met(wrong, right).compared
-    assert (found.groups, found.better, found.worse) == (4, True, False)
+    (found,) = between(wrong, right).compared
+    assert (found.groups, found.result) == (4, "better")
     assert found.challenger < 1.0 < found.champion < 2.0  # readings are whole degrees
-    (back,) = met(right, wrong).compared
-    assert (back.better, back.worse) == (False, True)
+    (back,) = between(right, wrong).compared
+    assert back.result == "worse"
     # a day that one of the two was fitted on is no contest
     model = wrong / "model.json"
     model.write_text(model.read_text().replace(digest(DAYS[0]), digest(DAYS[2])))
-    (fair,) = met(wrong, right).compared
+    (fair,) = between(wrong, right).compared
     assert fair.groups == 3
     model.write_text(model.read_text().replace('"network"', '"net"'))
-    assert met(wrong, right).note.startswith("cannot be compared: ")
+    assert between(wrong, right).note.startswith("cannot be compared: ")
 
 
 def digest(day: str) -> str:

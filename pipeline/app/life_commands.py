@@ -1,0 +1,130 @@
+"""Commands on the life of a model: promotion, rollback, history, deletion."""
+
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+import pipeline.app.kerf as kerf
+from pipeline.app.kerf import app, one_sentence
+from pipeline.app.output import aligned, outputs
+
+if TYPE_CHECKING:
+    from pipeline.schema.bundle import Champion
+    from pipeline.schema.decision import Decision
+
+Why = Annotated[str, typer.Option(help="The reason, for the machine's history.")]
+COMMIT = "commit champions.json and data/history"
+
+
+@app.command(rich_help_panel=kerf.MODELS)
+def promote(
+    machine: kerf.Machine,
+    why: Annotated[str, typer.Option(help="The reason, for the machine's history.")] = "",
+    to: Annotated[
+        int | None, typer.Option(help="This registered version, not the newest bundle.")
+    ] = None,
+    anyway: Annotated[
+        bool, typer.Option("--anyway", help="Even where the rules refuse it.")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Judge and say, without the sealed set or a change.")
+    ] = False,
+    json: kerf.Json = None,
+) -> None:  # fmt: skip
+    """Make MACHINE's newest bundle its champion, if the rules let it serve."""
+    from pipeline.app.fleet import check_machine
+    from pipeline.champions.promotion import judged
+    from pipeline.champions.promotion import promote as promote_bundle
+
+    with one_sentence(), outputs() as written:
+        written.ready(json)
+        check_machine(machine)
+        if dry_run:
+            decision = judged(machine, to=to)
+            written.json(asdict(decision), json)
+            for line in _decided(decision):
+                written.say(line)
+        else:
+            champion = promote_bundle(machine, why=why, to=to, anyway=anyway)
+            written.json({"machine": machine} | asdict(champion), json)
+            written.say(_serves(machine, champion))
+    if dry_run and not decision.may_serve:
+        raise typer.Exit(1)
+
+
+def _serves(machine: str, champion: "Champion") -> str:
+    return f"{machine}: version {champion.version} is champion; {COMMIT}"
+
+
+def _decided(decision: "Decision") -> Iterator[str]:
+    rows = [(one.name, one.result, one.sentence or "-") for one in decision.rules]
+    yield from aligned([("rule", "result", "why"), *rows], words=3)
+    may = "may serve" if decision.may_serve else "may not serve"
+    yield (
+        f"version {decision.challenger.version} of {decision.machine} {may} in the place of "
+        f"version {decision.champion.version} ({decision.origin} records); nothing was changed"
+    )
+
+
+@app.command(rich_help_panel=kerf.MODELS)
+def rollback(
+    machine: kerf.Machine,
+    why: Why,
+    to: Annotated[
+        int | None, typer.Option(help="This version, which served once; the one before by default.")
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Even where it has not served for long.")
+    ] = False,
+    json: kerf.Json = None,
+) -> None:
+    """Make the version that served MACHINE before its champion again."""
+    from pipeline.app.fleet import check_machine
+    from pipeline.champions.promotion import rollback as roll_back
+
+    with one_sentence(), outputs() as written:
+        written.ready(json)
+        check_machine(machine)
+        champion = roll_back(machine, why=why, to=to, force=force)
+        written.json({"machine": machine} | asdict(champion), json)
+        written.say(_serves(machine, champion))
+
+
+@app.command(rich_help_panel=kerf.MODELS)
+def history(
+    machine: Annotated[
+        str | None, typer.Option("--machine", "-m", help="Machine; every one by default.")
+    ] = None,
+    at: Annotated[
+        str | None, typer.Option(help="Who served at this time, as 2026-03-01T06:00Z.")
+    ] = None,
+    json: kerf.Json = None,
+) -> None:
+    """Show which version served when, by whom and why."""
+    from pipeline.app.history import history_rows
+
+    with one_sentence(), outputs() as written:
+        written.ready(json)
+        rows = history_rows(machine, at)
+        written.json(rows, json)
+        heads = list(rows[0]) if rows else []
+        for line in aligned([heads, *([*row.values()] for row in rows)], words=len(heads)):
+            written.say(line)
+
+
+@app.command(rich_help_panel=kerf.MODELS)
+def delete(
+    machine: kerf.Machine,
+    version: Annotated[int, typer.Option("--version", help="Registered version to delete.")],
+    why: Why,
+) -> None:
+    """Delete a version of MACHINE that neither serves, nor served of late, nor is a reference."""
+    from pipeline.app.fleet import check_machine
+    from pipeline.champions.promotion import delete as delete_version
+
+    with one_sentence():
+        check_machine(machine)
+        delete_version(machine, version, why=why)
+    typer.echo(f"{machine}: version {version} is deleted; {COMMIT}")

@@ -1,0 +1,322 @@
+"""Promotion, rollback and deletion of versions, each an entry in the machine's history.
+
+The entry comes first and is what counts; files, ``champions.json`` and aliases follow it, and are
+brought up by the next command where a run broke off between them.
+"""
+
+import fcntl
+import getpass
+import hashlib
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from pipeline.champions.challenge import decide, promotion_settings
+from pipeline.champions.serving import (
+    DATA,
+    champion_in,
+    champion_of,
+    fill_champion,
+    history_of,
+    history_path,
+    names_of,
+    newest_bundle,
+    refilled,
+)
+from pipeline.registry.history import claim, delete_version, log_decision, server_history
+from pipeline.registry.provenance import CHAMPIONS, git
+from pipeline.registry.store import Version, is_server, name_versions, note_promotion, versions
+from pipeline.schema.bundle import Champion, read_champions, stored_bundle, write_champions
+from pipeline.schema.decision import Decision
+from pipeline.schema.history import (
+    Entry,
+    Event,
+    hours_since,
+    left_at,
+    served,
+    stamp,
+    write_history,
+)
+from pipeline.schema.store import json_text, write_text
+
+REFERENCE = "reference"
+"""Alias of a version that is kept as a reference."""
+
+
+def person(root: Path) -> str:
+    """Who works here: git's user, else that of the system."""
+    return git("config", "user.name", root=root) or os.environ.get("USER") or getpass.getuser()
+
+
+def judged(machine: str, root: Path = Path(), *, to: int | None = None) -> Decision:
+    """Decision on the newest bundle, or version ``to``; changes nothing, looks at nothing sealed.
+
+    Raises ValueError when there is no champion, no challenger or no such version.
+    """
+    with changing(machine, root):
+        return decide(machine, champion_of(machine, root), root, to=to, seal=False)[0]
+
+
+def promote(
+    machine: str,
+    root: Path = Path(),
+    *,
+    why: str,
+    by: str = "",
+    anyway: bool = False,
+    to: int | None = None,
+    now: datetime | None = None,
+) -> Champion:
+    """Make the newest bundle of a machine, or version ``to``, its champion where the rules let it.
+
+    ``why`` goes into the history; ``by`` is git's user where it is empty; ``anyway`` lets one serve
+    against the rules; ``now`` is the time of the entry.  The decision is stored either way.
+    Raises ValueError when there is no reason, no challenger or no such version, when the rules
+    refuse it, and when somebody else promoted another meanwhile.
+    """
+    _needs_reason(machine, why)
+    by, at = by or person(root), stamp(now or datetime.now(UTC))
+    with changing(machine, root):
+        champion = champion_of(machine, root)
+        chosen = (
+            bool(history_of(machine, root)) or machine in read_champions(root / CHAMPIONS).machines
+        )
+        if to is not None and champion is not None and champion.version == to and not chosen:
+            return _carried_out(_added(  # the first, which nobody had chosen
+                machine, root, event="promoted", version=to, bundle=champion.bundle, at=at, by=by,
+                why=why, serving=champion.serving or (),
+            ), root)  # fmt: skip
+        decision, sealed = decide(machine, champion, root, to=to, anyway=anyway)
+        decision = replace(decision, at=at, by=by, why=why)
+        document = json_text(decision)
+        entry = _added(
+            machine, root, document, event="promoted" if decision.promoted else "refused",
+            version=decision.challenger.version, bundle=decision.challenger.bundle, at=at, by=by,
+            why=why, serving=decision.serving if decision.promoted else (), sealed=sealed,
+            anyway=decision.promoted and not decision.may_serve, rules=decision.objections,
+            decision=hashlib.sha256(document.encode()).hexdigest(),
+        )  # fmt: skip
+        known = [v for v in versions(machine, root) if v.bundle == entry.bundle]
+        log_decision(decision, known[-1], root)
+        if not decision.promoted:
+            raise ValueError(
+                f"version {entry.version} of {machine} may not serve: {decision.objections}; "
+                f"`kerf history -m {machine}` holds it"
+            )
+        return _carried_out(entry, root)
+
+
+def rollback(
+    machine: str,
+    root: Path = Path(),
+    *,
+    why: str,
+    by: str = "",
+    to: int | None = None,
+    force: bool = False,
+    now: datetime | None = None,
+) -> Champion:
+    """Make the version that served before, or version ``to`` that once served, the champion again.
+
+    Within the warm hours of the settings at once, later with ``force`` only.  Raises ValueError
+    when there is no reason, none that served before, or it has not served for longer.
+    """
+    _needs_reason(machine, why)
+    by, moment = by or person(root), stamp(now or datetime.now(UTC))
+    with changing(machine, root):
+        champion, before = champion_of(machine, root), served(history_of(machine, root))
+        if champion is None or not before:
+            raise ValueError(f"{machine} has nothing to go back to: nothing was promoted yet")
+        others = [e for e in before if e.bundle != champion.bundle and to in (None, e.version)]
+        if not others:
+            there = ", ".join(dict.fromkeys(str(e.version) for e in before
+                                            if e.bundle != champion.bundle)) or "none"  # fmt: skip
+            which = "another version" if to is None else f"version {to}"
+            raise ValueError(
+                f"{which} of {machine} never served before the present one; there are {there}"
+            )
+        target = others[-1]
+        hours = hours_since(left_at(before, target.version) or "", moment)
+        warm = promotion_settings(root).warm_hours
+        if hours > warm and not force:
+            raise ValueError(
+                f"version {target.version} of {machine} has not served for {hours:.0f} h, and is "
+                f"warm for {warm:g} h: look at it, and give --force if it shall serve again"
+            )
+        return _carried_out(_added(
+            machine, root, event="rolled back", version=target.version, bundle=target.bundle,
+            at=moment, by=by, why=why, serving=target.serving,
+        ), root)  # fmt: skip
+
+
+def delete(
+    machine: str,
+    version: int,
+    root: Path = Path(),
+    *,
+    why: str,
+    by: str = "",
+    now: datetime | None = None,
+) -> None:
+    """Take a version out of the registry, unless it serves, is warm, or is a reference.
+
+    Raises ValueError when it is one of these, or there is no such version or reason.
+    """
+    _needs_reason(machine, why)
+    by, moment = by or person(root), stamp(now or datetime.now(UTC))
+    with changing(machine, root):
+        found = [v for v in versions(machine, root) if v.version == version]
+        if not found:
+            raise ValueError(f"{machine} has no version {version}")
+        reason = retained(found[0], root, moment)
+        if reason:
+            raise ValueError(f"version {version} of {machine} {reason}: it cannot be deleted")
+        _added(machine, root, event="deleted", version=version, bundle=found[0].bundle,
+               at=moment, by=by, why=why)  # fmt: skip
+        delete_version(found[0], root)
+
+
+def retained(version: Version, root: Path, moment: str) -> str:
+    """Why a version has to stay; empty where it may go."""
+    champion = champion_of(version.machine, root)
+    if champion is not None and champion.bundle == version.bundle:
+        return "serves"
+    if REFERENCE in version.aliases:
+        return "is a reference"
+    left = left_at(history_of(version.machine, root), version.version)
+    warm = promotion_settings(root).warm_hours
+    if left is not None and hours_since(left, moment) <= warm:
+        return f"served less than {warm:g} h ago"
+    return ""
+
+
+# The history.
+
+
+def settle(machine: str, root: Path = Path()) -> None:
+    """Bring files, champions.json and aliases to the history, where a run broke off between them.
+
+    Raises ValueError where the history or the registry cannot be read.
+    """
+    with changing(machine, root):
+        pass
+
+
+def events(machine: str, root: Path = Path()) -> tuple[Entry, ...]:
+    """History of a machine; of one without a choice so far the bundle that serves as the first."""
+    settle(machine, root)
+    return history_of(machine, root) or _beginning(machine, root)
+
+
+@contextmanager
+def changing(machine: str, root: Path) -> Iterator[None]:
+    """Hold a machine for one change; first whatever broke off, or others did, is brought up."""
+    (root / DATA).mkdir(parents=True, exist_ok=True)
+    with (root / DATA / f".{machine}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        names = names_of(machine, root)
+        refilled(machine, names, root)
+        _take_over(machine, root)
+        serving = served(history_of(machine, root))
+        if serving:
+            _carried_out(serving[-1], root)
+        yield
+
+
+def _take_over(machine: str, root: Path) -> None:
+    """Bring the file and the server's history to the same entries.
+
+    Raises ValueError where neither continues the other.
+    """
+    if not is_server():
+        return
+    own, others = history_of(machine, root), server_history(machine, root)
+    shared = min(len(own), len(others))
+    if [e.sha256 for e in own[:shared]] != [e.sha256 for e in others[:shared]]:
+        raise ValueError(
+            f"{history_path(machine, root)} and the history of {machine} on the server differ: "
+            "take the file of the branch that the server's entries were committed to"
+        )
+    if len(others) > len(own):
+        write_history(others, history_path(machine, root))
+    for entry in own[shared:]:
+        others = claim(entry, root)
+
+
+def _added(machine: str, root: Path, document: str = "", *, event: Event, **fields: Any) -> Entry:
+    """Add an entry to the history, on the server first where there is one, with its document.
+
+    Raises ValueError where somebody else was first.
+    """
+    before = history_of(machine, root) or _beginning(machine, root)
+    entry = Entry(
+        machine=machine, number=len(before) + 1, event=event,
+        before=before[-1].sha256 if before else "", **fields,
+    )  # fmt: skip
+    if is_server():
+        for one in (*before, entry):
+            chain = server_history(machine, root)
+            if len(chain) < one.number:
+                chain = claim(one, root)
+            if chain[one.number - 1].sha256 != one.sha256:
+                other = chain[one.number - 1]
+                raise ValueError(
+                    f"{other.by} was first: version {other.version} of {machine} was "
+                    f"{other.event} at {other.at} ({other.why}); look at `kerf history -m "
+                    f"{machine}`, and do this again if it is still right"
+                )
+    if document:
+        write_text(document, decision_path(entry, root))
+    write_history((*before, entry), history_path(machine, root))
+    return entry
+
+
+def _beginning(machine: str, root: Path) -> tuple[Entry, ...]:
+    """First entry of a history: the champion of before the first choice, if there is one."""
+    champion = champion_of(machine, root)
+    if champion is None:
+        return ()
+    known = [v for v in versions(machine, root) if v.bundle == champion.bundle]
+    at = champion.since or (known[-1].created if known else "")
+    held = stored_bundle(root / DATA / "champion" / machine, machine)
+    serving = champion.serving
+    if serving is None and held is not None:
+        serving = tuple(held.submodels)
+    return (Entry(
+        machine=machine, number=1, event="promoted" if champion.since else "first",
+        version=champion.version or (known[-1].version if known else 0), bundle=champion.bundle,
+        at=at, by=champion.by, why=champion.why, serving=serving or (),
+    ),)  # fmt: skip
+
+
+def _carried_out(entry: Entry, root: Path) -> Champion:
+    """Bring files, champions.json and aliases to an entry from which on a version serves."""
+    machine, champion = entry.machine, champion_in(entry)
+    names, data = names_of(machine, root), root / DATA
+    models, serves = data / "models" / machine, data / "champion" / machine
+    fill_champion(champion.bundle, names, models, serves, root=root, keep=True)
+    champions = read_champions(root / CHAMPIONS)
+    if champions.machines.get(machine) != champion:
+        write_champions(champions.promoted(machine, champion), root / CHAMPIONS)
+    newest = newest_bundle(models, names)
+    before = [e.bundle for e in served(history_of(machine, root)) if e.bundle != champion.bundle]
+    name_versions(
+        machine, root, champion=champion.bundle, previous=before[-1] if before else None,
+        challenger=newest.sha256 if newest and newest.sha256 != champion.bundle else None,
+    )  # fmt: skip
+    note_promotion(machine, root, champion)
+    return champion
+
+
+def decision_path(entry: Entry, root: Path = Path()) -> Path:
+    """File of the decision that an entry names."""
+    return root / DATA / "history" / entry.machine / f"{entry.number:04d}.json"
+
+
+def _needs_reason(machine: str, why: str) -> None:
+    if not why.strip():
+        raise ValueError(f"a change of what serves {machine} needs a reason: give it with --why")

@@ -1,0 +1,228 @@
+"""What serves: the champion of each machine, its files, and what the registry holds of it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pipeline.registry.loading import checked_place
+from pipeline.registry.provenance import CHAMPIONS
+from pipeline.registry.runs import register
+from pipeline.registry.store import (
+    ARTIFACTS,
+    DATABASE,
+    Version,
+    name_versions,
+    note_promotion,
+    versions,
+)
+from pipeline.schema.bundle import (
+    BUNDLE,
+    VERDICT,
+    Bundle,
+    Champion,
+    bundle_of,
+    copy_bundle,
+    read_champions,
+    stored_bundle,
+)
+from pipeline.schema.history import Entry, read_history, served
+from pipeline.schema.store import StoreError, read_json
+from pipeline.schema.verdict import Verdict
+
+DATA = Path("data")
+NO_SUBMODEL = "none in this fleet: its page says what to record"
+FIRST_BY, FIRST_WHY = "dvc repro", "first bundle"
+
+
+def history_of(machine: str, root: Path = Path()) -> tuple[Entry, ...]:
+    """The machine's history; see :func:`~pipeline.schema.history.read_history`."""
+    return read_history(history_path(machine, root))
+
+
+def history_path(machine: str, root: Path = Path()) -> Path:
+    """File of the machine's history."""
+    return root / DATA / "history" / f"{machine}.jsonl"
+
+
+def champion_in(entry: Entry) -> Champion:
+    """Champion by an entry from which on it serves."""
+    return Champion(version=entry.version, bundle=entry.bundle, since=entry.at, by=entry.by,
+                    why=entry.why, serving=entry.serving)  # fmt: skip
+
+
+def champion_of(machine: str, root: Path = Path()) -> Champion | None:
+    """Champion: what the history says, else champions.json, else the first in ``data/champion``."""
+    serving = served(history_of(machine, root))
+    if serving:
+        return champion_in(serving[-1])
+    chosen = read_champions(root / CHAMPIONS).machines.get(machine)
+    held = stored_bundle(root / DATA / "champion" / machine, machine)
+    return chosen if chosen is not None or held is None else first_champion(held, root)
+
+
+def first_champion(bundle: Bundle, root: Path = Path()) -> Champion:
+    """Champion without a promotion; version 0 where no store has it."""
+    known = versions(bundle.machine, root)
+    number = next((v.version for v in known if v.bundle == bundle.sha256), 0)
+    lacking = bundle.named("failed", "not decided", "not judged")
+    return Champion(
+        version=number, bundle=bundle.sha256, since="", by=FIRST_BY,
+        why=f"{FIRST_WHY}: {lacking}" if lacking else FIRST_WHY, serving=serving_of(bundle),
+    )  # fmt: skip
+
+
+def serving_of(bundle: Bundle) -> tuple[str, ...]:
+    """Sub-models of a bundle that serve unless somebody says otherwise: those that passed."""
+    return tuple(name for name, one in bundle.submodels.items() if one.status == "passed")
+
+
+def first_serving(newest: Bundle, registered: Sequence[Version]) -> str:
+    """Hash of the bundle that serves where none does: one that passed, else the newest."""
+    passed = [v.bundle for v in registered if v.status == "passed"]
+    return newest.sha256 if newest.status == "passed" or not passed else passed[-1]
+
+
+def keep_serving(machine: str, names: Sequence[str], root: Path = Path()) -> Champion:
+    """Register missing bundles of a machine, and fill ``data/champion`` with the one that serves.
+
+    It is the promoted bundle, else the one that serves already, else the newest.  Raises StoreError
+    when a model is missing or broken; ValueError when the bundle of champions.json lies nowhere.
+    """
+    models, serves = root / DATA / "models" / machine, root / DATA / "champion" / machine
+    newest, champion = bundle_of(models, machine, names), champion_of(machine, root)
+    held = stored_bundle(serves, machine)
+    if champion is not None and held is not None and held.sha256 == champion.bundle:
+        register(held, serves, root)
+    register(newest, models, root, made_with=lambda: made_with(machine, names, root))
+    wanted = champion.bundle if champion else first_serving(newest, versions(machine, root))
+    filled = fill_champion(wanted, names, models, serves, root=root)
+    champion = champion_of(machine, root) or first_champion(filled, root)
+    other = None if wanted == newest.sha256 else newest.sha256
+    name_versions(machine, root, champion=wanted, challenger=other)
+    note_promotion(machine, root, champion)
+    return champion
+
+
+def refilled(machine: str, names: Sequence[str], root: Path) -> Champion | None:
+    """The champion; a store that lacks it, deleted or another server, is filled first."""
+    champion, models = champion_of(machine, root), root / DATA / "models" / machine
+    known = {v.bundle for v in versions(machine, root)}
+    if champion is None or champion.bundle in known or newest_bundle(models, names) is None:
+        return champion
+    return keep_serving(machine, names, root)
+
+
+def fill_champion(
+    bundle: str, names: Sequence[str], models: Path, target: Path, *, root: Path = Path(),
+    keep: bool = False,
+) -> Bundle:  # fmt: skip
+    """Fill ``target`` with the bundle of a hash: from itself, ``models``, warm, or the registry.
+
+    With ``keep`` what it held stays warm.  Raises ValueError when the bundle lies nowhere.
+    """
+    machine = target.name
+    warm = root / DATA / "warm" / machine
+    there = stored_bundle(target, machine)
+    if there is not None and there.sha256 == bundle:
+        return there
+    kept = warm if keep else None
+    newest = newest_bundle(models, names)
+    if newest is not None and newest.sha256 == bundle:
+        copy_bundle(models, newest, target, kept)
+        return newest
+    before = stored_bundle(warm, machine)
+    if before is not None and before.sha256 == bundle:
+        copy_bundle(warm, before, target, kept)
+        return before
+    found = [v for v in versions(machine, root) if v.bundle == bundle]
+    if not found:
+        raise ValueError(
+            f"champions.json names bundle {bundle[:12]} as the champion of {machine}, which is "
+            f"neither in {models}, nor in {target}, nor in the registry: run `dvc pull {target}`, "
+            f"or bring {DATABASE} and {ARTIFACTS} along, or take {machine} out of champions.json "
+            f"and run `dvc repro`, so that what is in {target}, else the newest bundle, serves"
+        )
+    source = checked_place(found[0], root) / "artifacts" / "bundle"
+    held = read_json(source / BUNDLE, Bundle)
+    copy_bundle(source, held, target, kept)
+    return held
+
+
+def newest_bundle(models: Path, names: Sequence[str]) -> Bundle | None:
+    """The bundle in ``data/models/<machine>``; None without one, and while it is half built."""
+    try:
+        return bundle_of(models, models.name, names) if names else None
+    except StoreError:
+        return None
+
+
+def params_of(root: Path) -> dict[str, Any]:
+    """All sections of params.yaml."""
+    from pipeline.parameters import PARAMS, read_params
+
+    return read_params(root / PARAMS)
+
+
+def names_of(machine: str, root: Path) -> tuple[str, ...]:
+    """Sub-models of a machine in the fleet that is built."""
+    from pipeline.fleet import Fleet
+    from pipeline.parameters import structure
+
+    return structure(params_of(root), "fleet", Fleet).submodels_of(machine)
+
+
+def made_with(machine: str, names: Sequence[str], root: Path) -> dict[str, Any]:
+    """Sections of params.yaml that the sub-models of a machine were made with, by sub-model."""
+    from pipeline.parameters import section_path
+    from pipeline.submodels.contract import sections, submodel
+
+    values = params_of(root)
+    found: dict[str, Any] = {}
+    for name in names:
+        one = submodel(name)
+        for section in sections(one.fitting) | sections(one.judging):
+            part: Any = values
+            for key in section_path(values, section, machine).split("."):
+                part = part[key]
+            found[section] = part
+    return found
+
+
+def status(machine: str, names: Sequence[str], root: Path = Path()) -> list[dict[str, str]]:
+    """Rows for ``kerf status``: one for each of the sub-models of a machine.
+
+    Columns: ``machine``, ``origin``, ``sub-model``, ``latest`` and ``champion`` (verdicts),
+    ``serving`` and ``challenger`` (versions).  A missing champion is filled into the store first.
+    """
+    if not names:
+        keys = ("origin", "sub-model", "latest", "champion", "serving", "challenger")
+        return [{"machine": machine, **dict.fromkeys(keys, "-"), "latest": NO_SUBMODEL}]
+    champion = refilled(machine, names, root)
+    numbers = {v.bundle: v.version for v in reversed(versions(machine, root))}
+    serves = stored_bundle(root / DATA / "champion" / machine, machine)
+    newest = newest_bundle(root / DATA / "models" / machine, names)
+    other = champion is not None and newest is not None and newest.sha256 != champion.bundle
+    since = f" since {champion.since[:10]}" if champion and champion.since else ""
+    rows = []
+    for name in names:
+        path = root / DATA / "models" / machine / name / VERDICT
+        verdict = read_json(path, Verdict) if path.exists() else None
+        held = serves.submodels.get(name) if serves else None
+        rows.append(
+            {
+                "machine": machine,
+                "origin": verdict.origin if verdict else "-",
+                "sub-model": name,
+                "latest": verdict.status if verdict else "not built: run `dvc repro`",
+                "champion": "-"
+                if held is None or champion is None
+                else held.status
+                if champion.serves(name)
+                else f"{held.status}, does not serve",
+                "serving": f"version {champion.version}{since}" if champion else "-",
+                "challenger": f"version {numbers.get(newest.sha256, '-')}"
+                if other and newest
+                else "-",
+            }
+        )
+    return rows

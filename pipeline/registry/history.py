@@ -1,0 +1,133 @@
+"""History of a machine on a server that a team shares, and what a decision leaves in the registry.
+
+An entry is a version of the registered model ``kerf-<machine>-history``.  The server numbers
+versions one by one, and an entry counts where it names the hash of the last one that counts; so of
+two people who promote at once one is the first, and the other sees it.
+"""
+
+from pathlib import Path
+from typing import Any
+
+from pipeline.registry.provenance import plain
+from pipeline.registry.store import Version, client_of, is_server, model_name, versions, writing
+from pipeline.schema.decision import Decision
+from pipeline.schema.history import Entry, whole
+from pipeline.schema.store import json_text, parsed
+
+ENTRY = "entry"
+"""Tag with an entry's line."""
+GATE = "gate"
+"""Folder of a run with the decision, and tag of a version with what the gate said."""
+
+
+def history_name(machine: str) -> str:
+    """Name of the registered model that holds a machine's history."""
+    return f"{model_name(machine)}-history"
+
+
+def server_history(machine: str, root: Path) -> tuple[Entry, ...]:
+    """Chain of a machine's entries on the server; empty where the store is a file of one project.
+
+    Raises ValueError where the server cannot be read.
+    """
+    if not is_server():
+        return ()
+    with writing():
+        found = client_of(root).search_model_versions(f"name='{history_name(machine)}'")
+    lines = [v.tags.get(ENTRY, "") for v in sorted(found, key=lambda v: int(v.version))]
+    return whole(
+        parsed(line.encode(), Entry, f"the history of {machine} on the server")
+        for line in lines if line
+    )  # fmt: skip
+
+
+def claim(entry: Entry, root: Path) -> tuple[Entry, ...]:
+    """Write an entry to the server; the chain after it, which holds the entry if it came first."""
+    client, name = client_of(root), history_name(entry.machine)
+    known = [v for v in versions(entry.machine, root) if v.bundle == entry.bundle]
+    with writing():
+        if not client.search_registered_models(f"name='{name}'"):
+            create_history(client, name, entry.machine)
+        model = client.get_model_version(model_name(entry.machine), str(known[-1].version))
+        client.create_model_version(
+            name, model.source, known[-1].run or None, tags={ENTRY: entry.line},
+            description=f"{entry.event}: version {entry.version}, {entry.by}, {entry.why}",
+        )  # fmt: skip
+    return server_history(entry.machine, root)
+
+
+def create_history(client: Any, name: str, machine: str) -> None:
+    """Make the registered model of a history, unless somebody did so meanwhile."""
+    import mlflow
+
+    try:
+        client.create_registered_model(
+            name, description=f"Who served {machine} when, by whom and why: see `kerf history`."
+        )
+    except mlflow.MlflowException as error:
+        if error.error_code != "RESOURCE_ALREADY_EXISTS":
+            raise
+
+
+def log_decision(decision: Decision, version: Version, root: Path) -> None:
+    """Store a decision with the challenger: document, page, metrics of its run, tags of it.
+
+    Raises ValueError where the store cannot be written.
+    """
+    from mlflow.entities import Metric
+
+    client, number = client_of(root), str(version.version)
+    said = "may serve" if decision.may_serve else f"refused: {decision.objections}"
+    if decision.anyway and not decision.may_serve:
+        said = f"serves anyway: {decision.objections}"
+    with writing():
+        if version.run:
+            metrics = [
+                Metric("/".join(map(plain, key.split("/"))), value, 0, 0)
+                for key, value in decision.metrics.items()
+            ]
+            client.log_batch(version.run, metrics=metrics)
+            client.log_text(version.run, json_text(decision), f"{GATE}/decision.json")
+            client.log_text(version.run, decision_text(decision), f"{GATE}/decision.md")
+        client.set_model_version_tag(model_name(decision.machine), number, GATE, said[:4000])
+
+
+def decision_text(decision: Decision) -> str:
+    """A decision in Markdown: sides, rules with results and words, figures."""
+    by = f"{decision.by}, {decision.at}: {decision.why}"
+    lines = [
+        f"# {decision.machine}: may version {decision.challenger.version} serve in the place of "
+        f"version {decision.champion.version}? ({decision.origin} records)",
+        "",
+        f"{'Yes' if decision.may_serve else 'No'}"
+        f"{', but somebody said anyway' if decision.anyway and not decision.may_serve else ''}. "
+        f"{by}.",
+        "",
+        f"Changed: {', '.join(decision.changed) or 'no sub-model'}.",
+        "",
+        "| rule | result | why |",
+        "|---|---|---|",
+        *(f"| {one.name} | {one.result} | {one.sentence} |" for one in decision.rules),
+        "",
+        "| look | target | champion | challenger | |",
+        "|---|---|---|---|---|",
+        *(
+            f"| {rule.name} | {one.submodel}: {one.quantity} {one.regime} [{one.unit}] | "
+            f"{one.champion:.4g} | {one.challenger:.4g} | {one.result} |"
+            for rule in decision.rules for one in rule.figures
+        ),
+    ]  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+def delete_version(version: Version, root: Path) -> None:
+    """Take a version, and the files of its model, out of the registry.
+
+    Raises ValueError where the store cannot be written.
+    """
+    client, name = client_of(root), model_name(version.machine)
+    with writing():
+        stored = client.get_model_version(name, str(version.version))
+        client.delete_model_version(name, str(version.version))
+        if stored.model_id:
+            client.delete_logged_model(stored.model_id)

@@ -1,0 +1,171 @@
+"""Page of a model's life: what serves, what was decided, by which rules, who said so."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pipeline.charts.sections import Section, present
+from pipeline.charts.tables import Cell, Column, Table, code, sources, tabulated
+from pipeline.report.facts import MachineFacts, StateLine, Status
+from pipeline.schema.decision import RULES, Compared, Decision, Result, Rule
+from pipeline.schema.history import SERVING, Entry, read_history, served
+from pipeline.schema.store import StoreError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+LIFE = "life"
+"""Subject of the page."""
+MADE_FROM = "promotions and rollbacks"
+SIGNS: "Mapping[Result, str]" = {
+    "kept": "passed", "broken": "failed", "not decided": "unknown", "no data": "unknown",
+}  # fmt: skip
+"""Look of a rule's result."""
+AGAINST = {"better": "passed", "worse": "failed", "equal": "unknown", "not decided": "unknown"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Life:
+    """The page's content."""
+
+    state: StateLine
+    sections: list[Section]
+    notes: list[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Event:
+    entry: Entry
+    until: str
+    looks: int
+
+
+def life_of(facts: MachineFacts) -> Life | None:
+    """Page of a machine; None where nothing serves."""
+    if facts.serving is None:
+        return None
+    entries, broken = _entries(facts)
+    decisions = {e.number: d for e in entries if (d := _decision(facts, e)) is not None}
+    sections = [_history_section(facts, entries)]
+    if decisions:
+        last = max(decisions)
+        sections.append(_decision_section(facts, entries[last - 1], decisions[last]))
+    return Life(state=_state(facts, entries), sections=sections, notes=broken)
+
+
+def _entries(facts: MachineFacts) -> tuple[tuple[Entry, ...], list[str]]:
+    """The history, and why it cannot be read where it cannot."""
+    path = facts.folders.history
+    if path is None or facts.shelf.text(path, MADE_FROM) is None:
+        return (), []
+    try:
+        return read_history(path), []
+    except StoreError as error:
+        return (), [f"The history of what serves cannot be read: {error}."]
+
+
+def _decision(facts: MachineFacts, entry: Entry) -> Decision | None:
+    if facts.folders.history is None or not entry.decision:
+        return None
+    path = facts.folders.history.with_suffix("") / f"{entry.number:04d}.json"
+    found = facts.shelf.read(path, Decision, MADE_FROM)
+    source = facts.shelf.source(path)
+    return found if source is not None and source.sha256 == entry.decision else None
+
+
+def _state(facts: MachineFacts, entries: tuple[Entry, ...]) -> StateLine:
+    """What serves since when by whom, and what does not serve."""
+    bundle = facts.serving.bundle if facts.serving is not None else None
+    statuses = {} if bundle is None else {n: one.status for n, one in bundle.submodels.items()}
+    serving = served(entries)
+    if serving:
+        last = serving[-1]
+        does = last.serving
+        first = f"Version {last.version} serves since {last.at or 'it was registered'}; "
+        first += f"{last.event} by {last.by}: {last.why}."
+        anyway = " It serves against the rules." if last.anyway else ""
+    else:
+        does = tuple(n for n, status in statuses.items() if status == "passed")
+        first, anyway = "The first bundle serves; nobody has promoted another yet.", ""
+    idle = [f"{facts.titles([n])} ({one})" for n, one in statuses.items() if n not in does]
+    said = f"It serves with {facts.titles(list(does))}." if does else "No sub-model of it serves."
+    if idle:
+        said += f" Without: {', '.join(idle)}."
+    status: Status = "attention" if anyway or idle else "passed"
+    return StateLine(status=status, word="serves" if does else "does not serve",
+                     sentences=[first + anyway, said])  # fmt: skip
+
+
+def _history_section(facts: MachineFacts, entries: tuple[Entry, ...]) -> Section:
+    looks = sum(bool(one.sealed) for one in entries)
+    against = sum(one.anyway for one in entries)
+    text = (
+        "Each line is an entry of an append-only file, and names the hash of the one before. "
+        f"Promoted against the rules: {against}. Looks at the sealed set: {looks}."
+    )
+    return Section(key="history", title="Who served when, by whom and why", text=[text],
+                   blocks=present(_history_table(facts, entries)))  # fmt: skip
+
+
+def _history_table(facts: MachineFacts, entries: tuple[Entry, ...]) -> Table | None:
+    events = []
+    for entry in entries:
+        later = [e.at for e in entries if e.event in SERVING and e.number > entry.number]
+        until = "–" if entry.event not in SERVING else later[0] if later else "now"
+        looks = sum(bool(e.sealed) for e in entries if e.number <= entry.number)
+        events.append(_Event(entry=entry, until=until, looks=looks))
+    columns: tuple[Column[_Event], ...] = (
+        Column("At", lambda one: one.entry.at or "–"),
+        Column("event", lambda one: _event(one.entry)),
+        Column("version", lambda one: str(one.entry.version), unit=""),
+        Column("serves until", lambda one: one.until),
+        Column("by", lambda one: one.entry.by),
+        Column("why", lambda one: one.entry.why),
+        Column("against it", lambda one: one.entry.rules or "–"),
+        Column("sealed set", lambda one: f"look {one.looks}" if one.entry.sealed else "–"),
+        Column("bundle, sha256", lambda one: code(one.entry.bundle[:12])),
+    )
+    path = facts.folders.history
+    return tabulated(
+        "Events, the latest first",
+        list(reversed(events)),
+        columns,
+        sources(facts.shelf, path) if path is not None else (),
+    )
+
+
+def _event(entry: Entry) -> Cell:
+    status = "failed" if entry.event == "refused" else "attention" if entry.anyway else "passed"
+    return Cell(text=f"{entry.event} anyway" if entry.anyway else entry.event, status=status)
+
+
+def _decision_section(facts: MachineFacts, entry: Entry, decision: Decision) -> Section:
+    path = (facts.folders.history or facts.folders.models).with_suffix("")
+    used = sources(facts.shelf, path / f"{entry.number:04d}.json")
+    may = "may serve" if decision.may_serve else "may not serve"
+    changed = facts.titles(list(decision.changed)) if decision.changed else "no sub-model"
+    text = (
+        f"Version {decision.challenger.version} {may} in the place of version "
+        f"{decision.champion.version}, decided at {decision.at} by {decision.by}. "
+        f"What changed: {changed}."
+    )
+    rules: tuple[Column[Rule], ...] = (
+        Column("Rule: the challenger", lambda one: RULES[one.name]),
+        Column("result", lambda one: Cell(text=one.result, status=SIGNS[one.result])),
+        Column("why", lambda one: one.sentence or "–"),
+    )
+    compared: tuple[Column[tuple[Rule, Compared]], ...] = (
+        Column("Rule", lambda row: row[0].name),
+        Column("model of", lambda row: facts.titles([row[1].submodel])),
+        Column("quantity", lambda row: f"{row[1].quantity} {row[1].regime}".strip()),
+        Column("groups", lambda row: str(row[1].groups), unit=""),
+        Column("champion, mean error", lambda row: f"{row[1].champion:.4g} {row[1].unit}"),
+        Column("challenger, mean error", lambda row: f"{row[1].challenger:.4g} {row[1].unit}"),
+        Column("result", lambda row: Cell(text=row[1].result, status=AGAINST[row[1].result])),
+    )
+    figures = [(rule, one) for rule in decision.rules for one in rule.figures]
+    blocks = [
+        tabulated("Rules of the gate", list(decision.rules), rules, used),
+        tabulated("Errors of both on the same records", figures, compared, used),
+    ]
+    return Section(key="decision", title="The last decision: may it serve?", text=[text],
+                   blocks=present(*blocks))  # fmt: skip

@@ -1,0 +1,140 @@
+"""History of what serves: an append-only file a machine, each entry with the hash before it.
+
+It answers who served at a time, since when, by whom and why; git holds it.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Literal
+
+from pipeline.schema.store import StoreError, content, parsed, unstructured, write_text
+
+Event = Literal["first", "promoted", "rolled back", "refused", "deleted"]
+SERVING = ("first", "promoted", "rolled back")
+"""Events from which on a version serves."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """One event in the life of a machine's versions."""
+
+    machine: str
+    number: int
+    """Machine, and place in its history, from 1."""
+    event: Event
+    version: int
+    bundle: str
+    """Version and hash of the bundle that it is about."""
+    at: str
+    """Time, UTC, ``YYYY-MM-DDTHH:MM:SSZ``; of a first bundle when it was registered, or ""."""
+    by: str
+    why: str
+    serving: tuple[str, ...] = ()
+    """Sub-models that serve from then on; empty where nothing does by this event."""
+    anyway: bool = False
+    """Whether it was against the rules of the gate."""
+    rules: str = ""
+    """What spoke against it."""
+    decision: str = ""
+    """SHA-256 of the decision's document; empty where nothing was compared."""
+    sealed: str = ""
+    """SHA-256 of the sealed set where it was looked at: each look spends some of its worth."""
+    before: str = ""
+    """SHA-256 of the entry before this one; empty for the first."""
+
+    @property
+    def line(self) -> str:
+        """The entry as one line of JSON."""
+        return json.dumps(unstructured(self), ensure_ascii=False, allow_nan=False)
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the line."""
+        return hashlib.sha256(self.line.encode()).hexdigest()
+
+
+def read_history(path: Path) -> tuple[Entry, ...]:
+    """Entries of ``data/history/<machine>.jsonl``, none where there is no such file.
+
+    Raises StoreError where a line is none, or does not follow the one before.
+    """
+    if not path.exists():
+        return ()
+    remedy = f"restore it with `git checkout {path.as_posix()}`"
+    found: list[Entry] = []
+    for number, line in enumerate(content(path, remedy).splitlines(), start=1):
+        entry = parsed(line, Entry, f"{path}, line {number}", remedy)
+        if not follows(entry, found):
+            raise StoreError(
+                f"{path}, line {number} does not follow the line before, whose sha256 it does not "
+                f"name: {remedy}"
+            )
+        found.append(entry)
+    return tuple(found)
+
+
+def write_history(entries: Iterable[Entry], path: Path) -> None:
+    """Store a history whole: a run that breaks off leaves the old one or the new one."""
+    write_text("".join(f"{one.line}\n" for one in entries), path)
+
+
+def follows(entry: Entry, before: Sequence[Entry]) -> bool:
+    """Whether an entry is the next after some others."""
+    last = before[-1].sha256 if before else ""
+    return entry.number == len(before) + 1 and entry.before == last
+
+
+def whole(entries: Iterable[Entry]) -> tuple[Entry, ...]:
+    """The chain in a sequence of entries: of two that follow the same one the first counts."""
+    found: list[Entry] = []
+    for entry in entries:
+        if follows(entry, found):
+            found.append(entry)
+    return tuple(found)
+
+
+def served(entries: Iterable[Entry]) -> list[Entry]:
+    """Entries from which on a version serves, oldest first."""
+    return [one for one in entries if one.event in SERVING]
+
+
+def serving_at(entries: Iterable[Entry], moment: str) -> Entry | None:
+    """Entry of what served at a moment, ``YYYY-MM-DDTHH:MM:SSZ``; None before the first."""
+    return next((one for one in reversed(served(entries)) if one.at <= moment), None)
+
+
+def left_at(entries: Iterable[Entry], version: int) -> str | None:
+    """Time at which a version served last, "" while it serves, None where it never did."""
+    serving = served(entries)
+    for one, after in zip(reversed(serving), [None, *reversed(serving)], strict=False):
+        if one.version == version:
+            return "" if after is None else after.at
+    return None
+
+
+def hours_since(moment: str, now: str) -> float:
+    """Hours from a moment to now; infinite where the moment is not known."""
+    if not moment:
+        return float("inf")
+    return (instant(now) - instant(moment)) / timedelta(hours=1)
+
+
+def instant(text: str) -> datetime:
+    """Moment of ``YYYY-MM-DD`` or ``YYYY-MM-DDTHH:MM[:SS]``, UTC where no zone is named.
+
+    Raises ValueError for another text.
+    """
+    try:
+        read = datetime.fromisoformat(text)
+    except ValueError as error:
+        raise ValueError(f"{text!r} is no time: write it as 2026-03-01T06:00Z") from error
+    return read.replace(tzinfo=UTC) if read.tzinfo is None else read.astimezone(UTC)
+
+
+def stamp(moment: datetime) -> str:
+    """A moment as entries hold it."""
+    return moment.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")

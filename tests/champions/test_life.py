@@ -1,0 +1,226 @@
+"""The life of a model: what the gate refuses by which rule, what it lets in, and what stays known.
+
+The machine has two sub-models: the spindle's, whose error is set, and a control that failed.
+"""
+
+import json
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+import yaml
+
+from pipeline.champions.promotion import (
+    decision_path,
+    delete,
+    events,
+    judged,
+    promote,
+    rollback,
+    settle,
+)
+from pipeline.champions.serving import champion_of, history_of, history_path, keep_serving
+from pipeline.registry.store import client_of, model_name, versions
+from pipeline.schema.bundle import Served, bundle_of, read_champions
+from pipeline.schema.decision import Decision
+from pipeline.schema.history import serving_at
+from pipeline.schema.store import StoreError, read_json, write_json
+from pipeline.schema.verdict import Canary, Verdict
+from tests.bundled_project import GOLDEN, MACHINE, project, quick_stores, source, spindle
+from tests.twin.cut_parts import CONTROL
+
+NAMES = ("control", "spindle")
+MODELS, CHAMPION = f"data/models/{MACHINE}", f"data/champion/{MACHINE}"
+NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
+
+
+def at(hours: float) -> datetime:
+    return NOON + timedelta(hours=hours)
+
+
+def with_failed_control(root: Path) -> None:
+    """A control that failed, the same in every bundle."""
+    from tests.test_program_commands import control_model
+
+    folder = root / MODELS / "control"
+
+    write_json(replace(control_model(m=CONTROL), machine=MACHINE), folder / "model.json")
+    failed = Verdict(
+        submodel="control", machine=MACHINE, origin="simulated", status="failed",
+        reasons=("the mean error is above its limit",), judged_role=None, golden=None, scores=(),
+    )  # fmt: skip
+    write_json(failed, folder / "verdict.json")
+    write_json(Served(inputs={"block": "long"}, outputs={"t": "double"}), folder / "served.json")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A project whose first bundle, with a spindle wrong by 1 K, serves."""
+    root = project(tmp_path_factory.mktemp("life") / "project", sealed=True)
+    values = yaml.safe_load((root / "params.yaml").read_text())
+    values["fleet"]["submodels"]["control"] = [MACHINE]
+    for section in ("mapping", "control", "setup", "control_records"):
+        values["machine"][MACHINE][section] = {}
+    values |= {"control_fit": {}, "control_limits": {}}
+    (root / "params.yaml").write_text(yaml.safe_dump(values))
+    with pytest.MonkeyPatch.context() as patch, quick_stores():
+        patch.delenv("MLFLOW_TRACKING_URI", raising=False)
+        with_failed_control(root)
+        spindle(root, error_K=1.0)
+        keep_serving(MACHINE, NAMES, root)
+        yield root
+
+
+@pytest.fixture
+def root(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    return shutil.copytree(made, tmp_path / "project")
+
+
+def challenged(root: Path, error_K: float, change: Callable[[Verdict], Verdict] | None) -> None:
+    """A challenger by the error of its spindle, with its verdict changed."""
+    spindle(root, error_K=error_K)
+    path = root / MODELS / "spindle/verdict.json"
+    if change is not None:
+        write_json(change(read_json(path, Verdict)), path)
+
+
+def noisy(verdict: Verdict) -> Verdict:
+    """Trainings with other seeds differ by more than what is gained."""
+    scores = [replace(one, spread={"mae": 9.0, "rmse": 9.0}) for one in verdict.scores]
+    return replace(verdict, scores=tuple(scores))
+
+
+def leaking(verdict: Verdict) -> Verdict:
+    said = Canary(name="inputs", status="failed", words="the residual is among the inputs")
+    return replace(verdict, canaries=(said,))
+
+
+def bad_in_one(verdict: Verdict) -> Verdict:
+    """Far worse on the last golden day, better on all others."""
+    scores = [
+        replace(one, mae=5.0, rmse=5.0) if one.group == GOLDEN[1] else one for one in verdict.scores
+    ]
+    return replace(verdict, scores=tuple(scores))
+
+
+@pytest.mark.parametrize(
+    ("error_K", "change", "rule"),
+    [(2.0, None, "not worse"), (0.0, leaking, "canaries"), (0.0, bad_in_one, "not worse"),
+     (0.0, noisy, "better")],
+    ids=["worse", "leaking", "bad in one regime", "within the spread of seeds"],
+)  # fmt: skip
+def test_each_is_refused_by_its_rule_and_the_history_tells_it(
+    root: Path, error_K: float, change: Callable[[Verdict], Verdict] | None, rule: str
+) -> None:
+    challenged(root, error_K, change)
+    with pytest.raises(ValueError, match=f"rule '{rule}' is (broken|not decided): "):
+        promote(MACHINE, root, why="try", by="Kim", now=NOON)
+    first, last = history_of(MACHINE, root)
+    assert (first.event, last.event, last.version, last.sealed) == ("first", "refused", 2, "")
+    decision = read_json(decision_path(last, root), Decision)
+    assert decision.against[0].name == rule and len(decision.against) <= 1 + (rule == "not worse")
+    if change is bad_in_one:
+        assert f"worst in {GOLDEN[1]}" in decision.objections
+    entry = champion_of(MACHINE, root)
+    assert entry is not None and entry.version == 1 and entry.serving == ("spindle",)
+
+
+def test_one_that_was_fitted_on_the_golden_week_is_refused(root: Path) -> None:
+    challenged(root, 0.0, None)
+    model = root / MODELS / "spindle/model.json"
+    stored = json.loads(model.read_text())
+    day = GOLDEN[0]
+    stored["trained_on"].append({"case": day, "group": day, "files": [
+        {"file": source(day).file, "sha256": source(day).sha256}]})  # fmt: skip
+    model.write_text(json.dumps(stored))
+    with pytest.raises(ValueError, match=f"rule 'unseen' is broken: spindle was fitted on {day}"):
+        promote(MACHINE, root, why="try")
+
+
+def test_a_better_spindle_serves_beside_an_old_failure_comes_back_and_all_is_told(
+    root: Path,
+) -> None:
+    challenged(root, 0.0, None)
+    look = judged(MACHINE, root)
+    assert look.may_serve and history_of(MACHINE, root) == ()
+    now = promote(MACHINE, root, why="new oil", by="Kim", now=NOON)
+    assert (now.version, now.serving) == (2, ("spindle",))
+    entry = history_of(MACHINE, root)[-1]
+    decision = read_json(decision_path(entry, root), Decision)
+    results = {one.name: one.result for one in decision.rules}
+    assert results == dict.fromkeys(results, "kept") | {"newest day": "no data"}
+    failing = next(one for one in decision.rules if one.name == "no new failure")
+    assert failing.words == ("control is failed, the same model as the champion's",)
+    assert len(entry.sealed) == 64 and not entry.anyway
+    # what the registry holds of it
+    (version,) = [v for v in versions(MACHINE, root) if v.version == 2]
+    assert version.tags["gate"] == "may serve"
+    client = client_of(root)
+    metrics = client.get_run(version.run).data.metrics
+    assert metrics["gate/may serve"] == 1.0 and metrics["gate/no new failure"] == 1.0
+    assert any(key.startswith("gate/not worse/spindle") for key in metrics)
+    files = {one.path for one in client.list_artifacts(version.run, "gate")}
+    assert files == {"gate/decision.json", "gate/decision.md"}
+    # back, within the warm hours without a question
+    back = rollback(MACHINE, root, why="noise in the bearing", by="Lee", now=at(47))
+    assert back.version == 1 and read_champions(root / "champions.json").machines[MACHINE] == back
+    assert bundle_of(root / CHAMPION, MACHINE, NAMES).sha256 == back.bundle
+    with pytest.raises(ValueError, match=r"has not served for 49 h, and is warm for 48 h.*--force"):
+        rollback(MACHINE, root, why="again", to=2, now=at(47 + 49))
+    rollback(MACHINE, root, why="again", by="Lee", to=2, force=True, now=at(47 + 49))
+    told = [(e.event, e.version, e.by, e.why) for e in events(MACHINE, root)]
+    assert told == [
+        ("first", 1, "dvc repro", "first bundle: control failed"),
+        ("promoted", 2, "Kim", "new oil"),
+        ("rolled back", 1, "Lee", "noise in the bearing"),
+        ("rolled back", 2, "Lee", "again"),
+    ]
+    served = [serving_at(events(MACHINE, root), f"2026-03-0{day}T13:00:00Z") for day in (1, 4, 6)]
+    assert [one.version for one in served if one] == [2, 1, 2]
+
+
+def test_what_serves_served_of_late_or_is_a_reference_cannot_be_deleted(root: Path) -> None:
+    challenged(root, 0.0, None)
+    promote(MACHINE, root, why="new oil", by="Kim", now=NOON)
+    for number, why in ((2, "serves"), (1, "served less than 48 h ago")):
+        with pytest.raises(ValueError, match=f"version {number} of {MACHINE} {why}"):
+            delete(MACHINE, number, root, why="room", now=at(1))
+    client_of(root).set_registered_model_alias(model_name(MACHINE), "reference", "1")
+    with pytest.raises(ValueError, match="is a reference"):
+        delete(MACHINE, 1, root, why="room", now=at(100))
+    client_of(root).delete_registered_model_alias(model_name(MACHINE), "reference")
+    delete(MACHINE, 1, root, why="room", by="Kim", now=at(100))
+    assert [v.version for v in versions(MACHINE, root)] == [2]
+    assert history_of(MACHINE, root)[-1].event == "deleted"
+    with pytest.raises(ValueError, match="has no version 9"):
+        delete(MACHINE, 9, root, why="room")
+
+
+def test_a_history_that_was_changed_is_refused_with_its_line(root: Path) -> None:
+    challenged(root, 0.0, None)
+    promote(MACHINE, root, why="new oil", by="Kim", now=NOON)
+    path = history_path(MACHINE, root)
+    path.write_text(path.read_text().replace("dvc repro", "Kim"))
+    with pytest.raises(StoreError, match=r"mill01.jsonl, line 2 does not follow the line before"):
+        settle(MACHINE, root)
+    path.write_text("no line\n")
+    with pytest.raises(StoreError, match=r"line 1 is no JSON.*git checkout"):
+        champion_of(MACHINE, root)
+
+
+def test_the_files_follow_the_history(root: Path) -> None:
+    """What a run that broke off, or another branch, left behind is brought up."""
+    challenged(root, 0.0, None)
+    promote(MACHINE, root, why="new oil", by="Kim", now=NOON)
+    before = (root / "champions.json").read_bytes()
+    (root / "champions.json").write_text('{"machines": {}, "looks": []}')
+    shutil.rmtree(root / CHAMPION)
+    settle(MACHINE, root)
+    assert (root / "champions.json").read_bytes() == before
+    champion = champion_of(MACHINE, root)
+    assert champion is not None
+    assert bundle_of(root / CHAMPION, MACHINE, NAMES).sha256 == champion.bundle
