@@ -129,6 +129,22 @@ def test_wrong_places_are_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
     assert mapped(process_of, range(2)) == [os.getpid()] * 2
 
 
+def test_a_stage_waits_for_the_model_that_it_reads(tmp_path: Path) -> None:
+    root = project(tmp_path / "p", ["m01"])
+    stages = yaml.safe_load((root / "dvc.yaml").read_text())
+    stages["stages"]["identify_following_residual"] = {
+        "foreach": ["m01"],
+        "do": {"cmd": "python -m pipeline.stages identify_following_residual@${item} a b c d",
+               "deps": ["data/models/${item}/spindle"], "outs": ["c/model.json"]},
+    }  # fmt: skip
+    write(root / "dvc.yaml", yaml.safe_dump(stages))
+    with inside(root):
+        errors = identify_fleet([], ["following_residual"], print)
+    assert errors == [
+        "identify_following_residual@m01 reads a model that is out of date: identify that one first"
+    ]
+
+
 def test_identify_does_what_dvc_asks_and_dvc_takes_it(tmp_path: Path) -> None:
     root = project(tmp_path / "p", ["m01", "m02"], wrong=["m02"])
     _, said = command(root, "-m", "pipeline.app", "identify", status=2)

@@ -223,8 +223,8 @@ def _prior(
 ) -> tuple[float, float]:  # fmt: skip
     """Mean and standard deviation of a sibling's parameter against the golden ``value``.
 
-    That is the logarithm of their ratio [1], or their difference [K].  The first of the ``models`` is the golden
-    machine's; a parameter that it does not determine stands at the value of its network.
+    That is the logarithm of their ratio [1], or their difference [K].  The first of the ``models``
+    is the golden machine's; a parameter that it does not determine has the value of its network.
     """
     unknown = UNKNOWN_WIDTH if logarithmic else UNKNOWN_WIDTH_K
     estimates, errors = list[float](), list[float]()
