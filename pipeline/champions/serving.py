@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from pipeline.registry.history import server_history
 from pipeline.registry.loading import checked_place
 from pipeline.registry.provenance import CHAMPIONS
 from pipeline.registry.runs import register
@@ -97,6 +98,9 @@ def keep_serving(machine: str, names: Sequence[str], root: Path = Path()) -> Cha
     wanted = champion.bundle if champion else first_serving(newest, versions(machine, root))
     filled = fill_champion(wanted, names, models, serves, root=root)
     champion = champion_of(machine, root) or first_champion(filled, root)
+    shared = served(server_history(machine, root))
+    if shared and shared[-1].bundle != wanted:  # a clone that has not heard of a promotion yet
+        return champion
     other = None if wanted == newest.sha256 else newest.sha256
     name_versions(machine, root, champion=wanted, challenger=other)
     note_promotion(machine, root, champion)

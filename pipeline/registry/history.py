@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.registry.provenance import plain
-from pipeline.registry.store import Version, client_of, is_server, model_name, versions, writing
+from pipeline.registry.store import Version, client_of, is_server, model_name, reached, versions
 from pipeline.schema.decision import Decision
 from pipeline.schema.history import Entry, whole
 from pipeline.schema.store import json_text, parsed
@@ -32,7 +32,7 @@ def server_history(machine: str, root: Path) -> tuple[Entry, ...]:
     """
     if not is_server():
         return ()
-    with writing():
+    with reached("written"):
         found = client_of(root).search_model_versions(f"name='{history_name(machine)}'")
     lines = [v.tags.get(ENTRY, "") for v in sorted(found, key=lambda v: int(v.version))]
     return whole(
@@ -45,7 +45,7 @@ def claim(entry: Entry, root: Path) -> tuple[Entry, ...]:
     """Write an entry to the server; the chain after it, which holds the entry if it came first."""
     client, name = client_of(root), history_name(entry.machine)
     known = [v for v in versions(entry.machine, root) if v.bundle == entry.bundle]
-    with writing():
+    with reached("written"):
         if not client.search_registered_models(f"name='{name}'"):
             create_history(client, name, entry.machine)
         model = client.get_model_version(model_name(entry.machine), str(known[-1].version))
@@ -80,7 +80,7 @@ def log_decision(decision: Decision, version: Version, root: Path) -> None:
     said = "may serve" if decision.may_serve else f"refused: {decision.objections}"
     if decision.anyway and not decision.may_serve:
         said = f"serves anyway: {decision.objections}"
-    with writing():
+    with reached("written"):
         if version.run:
             metrics = [
                 Metric("/".join(map(plain, key.split("/"))), value, 0, 0)
@@ -126,7 +126,7 @@ def delete_version(version: Version, root: Path) -> None:
     Raises ValueError where the store cannot be written.
     """
     client, name = client_of(root), model_name(version.machine)
-    with writing():
+    with reached("written"):
         stored = client.get_model_version(name, str(version.version))
         client.delete_model_version(name, str(version.version))
         if stored.model_id:

@@ -1,8 +1,12 @@
 """A registered bundle back from the store, as what predicts."""
 
+import hashlib
 import sys
+from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlparse
 
 from pipeline.registry.store import (
     ARTIFACTS,
@@ -10,12 +14,18 @@ from pipeline.registry.store import (
     Version,
     client_of,
     model_name,
+    reached,
     versions,
 )
 from pipeline.schema.bundle import stored_bundle
 
 if TYPE_CHECKING:
     import pandas as pd
+
+HELD = Path("artifacts/bundle")
+"""Folder of the bundle below that of a version's model."""
+FROM_SERVER = "from_server"
+"""Folder of ``mlartifacts`` for what a server has; it may be deleted."""
 
 
 class Predictor:
@@ -42,7 +52,7 @@ def load(machine: str, alias: str = "champion", root: Path = Path()) -> Predicto
     found = [v for v in versions(machine, root) if alias in v.aliases]
     if not found:
         raise ValueError(f"{machine} has no {alias}: `kerf status` shows what is registered")
-    place = checked_place(found[0], root)
+    place = checked_place(found[0], root, whole=True)
     import mlflow
 
     path = list(sys.path)
@@ -55,38 +65,63 @@ def load(machine: str, alias: str = "champion", root: Path = Path()) -> Predicto
     return Predictor(found[0], model)
 
 
-def checked_place(version: Version, root: Path) -> Path:
-    """Folder of a version's model, whose bundle is the one that was registered."""
-    place = place_of(version, root)
-    bundle = place / "artifacts" / "bundle"
-    there = stored_bundle(bundle, version.machine)
+def checked_place(version: Version, root: Path, *, whole: bool = False) -> Path:
+    """Folder of a version's model, whose bundle is the one that was registered.
+
+    Of a server's models the bundle alone is brought here, with its code where ``whole`` asks.
+    Raises ValueError when the model is nowhere, or its bundle was changed.
+    """
+    place = place_of(version, root, Path() if whole else HELD)
+    there = stored_bundle(place / HELD, version.machine)
     if there is None or there.sha256 != version.bundle:
         raise ValueError(
-            f"the bundle of {version.machine} version {version.version} in {bundle} is no longer "
-            f"the one that was registered ({version.bundle[:12]}): delete {DATABASE} and "
+            f"the bundle of {version.machine} version {version.version} in {place / HELD} is no "
+            f"longer the one that was registered ({version.bundle[:12]}): delete {DATABASE} and "
             f"{ARTIFACTS} and run `dvc repro` to register what there is anew"
         )
     return place
 
 
-def place_of(version: Version, root: Path) -> Path:
-    """Folder of a version's model, brought here when a server has it.
+def place_of(version: Version, root: Path, part: Path = Path()) -> Path:
+    """Folder of a version's model, brought here when a server has it, or a ``part`` of it.
 
     Raises ValueError when it is nowhere.
     """
     client = client_of(root)
     import mlflow
 
-    stored = client.get_model_version_download_uri(
-        model_name(version.machine), str(version.version)
-    )
+    with reached("read", "do this again when it answers"):
+        stored = client.get_model_version_download_uri(
+            model_name(version.machine), str(version.version)
+        )
     moved = root / ARTIFACTS / stored.rpartition(f"/{ARTIFACTS}/")[2]
     if moved.is_dir():
         return moved.resolve()
     try:
-        return Path(mlflow.artifacts.download_artifacts(artifact_uri=stored))
+        if urlparse(stored).scheme in ("", "file"):
+            return Path(mlflow.artifacts.download_artifacts(artifact_uri=stored))
+        return _brought(stored, part, root / ARTIFACTS / FROM_SERVER)
     except (OSError, mlflow.MlflowException) as error:
         raise ValueError(
             f"the bundle of {version.machine} version {version.version} is neither in {moved} nor "
             f"in {stored}: bring {ARTIFACTS} along with {DATABASE}"
         ) from error
+
+
+def _brought(stored: str, part: Path, kept: Path) -> Path:
+    """Folder in ``kept`` with a part of a server's model; an address never changes its files."""
+    import mlflow
+
+    whole = kept / hashlib.sha256(stored.encode()).hexdigest()[:32]
+    place = whole if whole.is_dir() or part == Path() else whole.with_suffix(f".{part.name}")
+    if not place.is_dir():
+        kept.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=kept) as scratch:
+            new = Path(scratch) / "new"
+            (new / part).parent.mkdir(parents=True, exist_ok=True)
+            address = stored if part == Path() else f"{stored}/{part.as_posix()}"
+            got = mlflow.artifacts.download_artifacts(artifact_uri=address, dst_path=scratch)
+            Path(got).replace(new / part)
+            with suppress(OSError):  # somebody else has brought it meanwhile
+                new.replace(place)
+    return place.resolve()

@@ -19,7 +19,15 @@ from pipeline.registry.provenance import (
     requirements,
     training_files,
 )
-from pipeline.registry.store import Version, client_of, experiment_of, model_name, versions
+from pipeline.registry.store import (
+    Version,
+    client_of,
+    experiment_of,
+    made_by_another,
+    model_name,
+    reached,
+    versions,
+)
 from pipeline.schema.bundle import PREDICTIONS, SERVED, VERDICT, Bundle, Served, copy_bundle
 from pipeline.schema.model import Model
 from pipeline.schema.predictions import first_judged, read_predictions, shown_predictions
@@ -53,13 +61,14 @@ def register(
     """Version of a bundle; logged and registered unless its content is there already.
 
     ``folder``: ``data/models/<machine>`` or ``data/champion/<machine>``; ``made_with`` settings are
-    logged with the run.  Raises ValueError when the registry cannot be opened.
+    logged with the run.  Raises ValueError when the registry cannot be opened or written.
     """
     there = [v for v in versions(bundle.machine, root) if v.bundle == bundle.sha256]
     if there:
         return there[0]
     client = client_of(root)
-    _log(bundle, folder, root, experiment_of(client, root), made_with())
+    with reached("written"):
+        _log(bundle, folder, root, experiment_of(client, root), made_with())
     return next(v for v in versions(bundle.machine, root) if v.bundle == bundle.sha256)
 
 
@@ -88,7 +97,8 @@ def _log(
         model_id = _log_pyfunc(bundle, folder, root, signature, units, run.info)
     client, name = client_of(root), model_name(bundle.machine)
     if not client.search_registered_models(f"name='{name}'"):
-        client.create_registered_model(name)
+        with made_by_another():
+            client.create_registered_model(name)
     # all at once: a version that there is has all its tags
     client.create_model_version(
         name, f"models:/{model_id}", run.info.run_id, tags=tags, model_id=model_id,

@@ -20,6 +20,15 @@ if TYPE_CHECKING:
 DATABASE = "mlflow.db"
 ARTIFACTS = "mlartifacts"
 EXPERIMENT = "kerf"
+QUIET = {
+    "MLFLOW_DISABLE_TELEMETRY": "true",
+    "MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR": "false",
+    "MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT": "true",
+    "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "2",  # seven try a server that is down for four minutes
+    "MLFLOW_ENABLE_PROXY_MULTIPART_DOWNLOAD": "false",  # small files, by the server alone
+    "GIT_PYTHON_REFRESH": "quiet",
+}
+"""Settings of MLflow where the environment says nothing else."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,10 +122,11 @@ def _read(machine: str, database: Path, mode: str = "ro") -> tuple[Tags, dict[st
 def _of_server(machine: str, root: Path) -> tuple[Tags, dict[str, int]]:
     """Tags by version, and versions by alias, out of a server."""
     client = client_of(root)
-    found = client.search_model_versions(f"name='{model_name(machine)}'")
-    if not found:
-        return {}, {}
-    aliases = client.get_registered_model(model_name(machine)).aliases
+    with reached("read", "do this again when it answers"):
+        found = client.search_model_versions(f"name='{model_name(machine)}'")
+        if not found:
+            return {}, {}
+        aliases = client.get_registered_model(model_name(machine)).aliases
     return (
         {
             int(v.version): dict(v.tags) | {CREATED: str(v.creation_timestamp), RUN: v.run_id or ""}
@@ -131,9 +141,8 @@ def client_of(root: Path) -> "MlflowClient":
 
     Raises ValueError when the store cannot be opened.
     """
-    os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
-    os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
-    os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
+    for setting, value in QUIET.items():
+        os.environ.setdefault(setting, value)
     import logging
 
     import mlflow
@@ -164,7 +173,10 @@ def client_of(root: Path) -> "MlflowClient":
 
 
 def experiment_of(client: "MlflowClient", root: Path) -> str:
-    """Name of the experiment of the project's present place; made if missing."""
+    """Name of the experiment of the project's present place; made if missing.
+
+    Raises ValueError when the store cannot be written.
+    """
     if client.tracking_uri.startswith(("http://", "https://")):
         name, place = EXPERIMENT, None
     else:
@@ -175,8 +187,21 @@ def experiment_of(client: "MlflowClient", root: Path) -> str:
             EXPERIMENT if here else f"{EXPERIMENT} {hashlib.sha256(place.encode()).hexdigest()[:8]}"
         )
     if client.get_experiment_by_name(name) is None:
-        client.create_experiment(name, artifact_location=place)
+        with reached("written"), made_by_another():
+            client.create_experiment(name, artifact_location=place)
     return name
+
+
+@contextmanager
+def made_by_another() -> Iterator[None]:
+    """What is made and is there already was made by somebody else at the same time."""
+    import mlflow
+
+    try:
+        yield
+    except mlflow.MlflowException as error:
+        if error.error_code != "RESOURCE_ALREADY_EXISTS":
+            raise
 
 
 def name_versions(machine: str, root: Path, **wanted: str | None) -> None:
@@ -193,7 +218,7 @@ def name_versions(machine: str, root: Path, **wanted: str | None) -> None:
     if not changed:
         return
     client, name = client_of(root), model_name(machine)
-    with writing():
+    with reached("written"):
         for alias, number in changed.items():
             if number is None:
                 client.delete_registered_model_alias(name, alias)
@@ -209,10 +234,10 @@ def note_promotion(machine: str, root: Path, champion: Champion) -> None:
     found = [v for v in versions(machine, root) if v.bundle == champion.bundle]
     wanted = {"promoted_at": champion.since, "promoted_by": champion.by,
               "promoted_why": champion.why}  # fmt: skip
-    if not found or all(found[-1].tags.get(tag, "") == value for tag, value in wanted.items()):
+    if not found or all(found[0].tags.get(tag, "") == value for tag, value in wanted.items()):
         return
-    client, name, number = client_of(root), model_name(machine), str(found[-1].version)
-    with writing():
+    client, name, number = client_of(root), model_name(machine), str(found[0].version)
+    with reached("written"):
         card = client.get_model_version(name, number).description or ""
         client.update_registered_model(name, card)
         for tag, value in wanted.items():
@@ -220,16 +245,16 @@ def note_promotion(machine: str, root: Path, champion: Champion) -> None:
 
 
 @contextmanager
-def writing() -> Iterator[None]:
-    """A store that cannot be written is one sentence."""
+def reached(done: str, remedy: str = "make room for it and do this again") -> Iterator[None]:
+    """A store that cannot be read or written (``done``) is one sentence, a ValueError."""
     import mlflow
+    from requests import RequestException
     from sqlalchemy.exc import SQLAlchemyError
 
     try:
         yield
-    except (mlflow.MlflowException, SQLAlchemyError) as error:
+    except (mlflow.MlflowException, RequestException, SQLAlchemyError) as error:
         said = (str(error).splitlines() or [""])[0]
         raise ValueError(
-            f"the registry {mlflow.get_tracking_uri()} cannot be written ({said}): make room for "
-            "it and do this again"
+            f"the registry {mlflow.get_tracking_uri()} cannot be {done} ({said}): {remedy}"
         ) from error

@@ -1,13 +1,15 @@
 """Page of a model's life: what serves, what was decided, by which rules, who said so."""
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from pipeline.charts.numbers import moment
 from pipeline.charts.sections import Section, present
 from pipeline.charts.tables import Cell, Column, Table, code, sources, tabulated
 from pipeline.report.facts import MachineFacts, StateLine, Status
 from pipeline.schema.decision import RULES, Compared, Decision, Result, Rule
-from pipeline.schema.history import SERVING, Entry, read_history, served
+from pipeline.schema.history import SERVING, Entry, instant, read_history, served
 from pipeline.schema.store import StoreError
 
 if TYPE_CHECKING:
@@ -16,6 +18,8 @@ if TYPE_CHECKING:
 LIFE = "life"
 """Subject of the page."""
 MADE_FROM = "promotions and rollbacks"
+BROKEN = re.compile(r"rule '([^']+)' is ")
+"""Rules in the words of an entry."""
 SIGNS: "Mapping[Result, str]" = {
     "kept": "passed", "broken": "failed", "not decided": "unknown", "no data": "unknown",
 }  # fmt: skip
@@ -80,7 +84,8 @@ def _state(facts: MachineFacts, entries: tuple[Entry, ...]) -> StateLine:
     if serving:
         last = serving[-1]
         does = last.serving
-        first = f"Version {last.version} serves since {last.at or 'it was registered'}; "
+        since = _at(last.at) if last.at else "it was registered"
+        first = f"Version {last.version} serves since {since}; "
         first += f"{last.event} by {last.by}: {last.why}."
         anyway = " It serves against the rules." if last.anyway else ""
     else:
@@ -110,17 +115,17 @@ def _history_table(facts: MachineFacts, entries: tuple[Entry, ...]) -> Table | N
     events = []
     for entry in entries:
         later = [e.at for e in entries if e.event in SERVING and e.number > entry.number]
-        until = "–" if entry.event not in SERVING else later[0] if later else "now"
+        until = "–" if entry.event not in SERVING else _at(later[0]) if later else "now"
         looks = sum(bool(e.sealed) for e in entries if e.number <= entry.number)
         events.append(_Event(entry=entry, until=until, looks=looks))
     columns: tuple[Column[_Event], ...] = (
-        Column("At", lambda one: one.entry.at or "–"),
+        Column("At", lambda one: _at(one.entry.at)),
         Column("event", lambda one: _event(one.entry)),
         Column("version", lambda one: str(one.entry.version), unit=""),
         Column("serves until", lambda one: one.until),
         Column("by", lambda one: one.entry.by),
         Column("why", lambda one: one.entry.why),
-        Column("against it", lambda one: one.entry.rules or "–"),
+        Column("against it, rules", lambda one: ", ".join(BROKEN.findall(one.entry.rules)) or "–"),
         Column("sealed set", lambda one: f"look {one.looks}" if one.entry.sealed else "–"),
         Column("bundle, sha256", lambda one: code(one.entry.bundle[:12])),
     )
@@ -131,6 +136,10 @@ def _history_table(facts: MachineFacts, entries: tuple[Entry, ...]) -> Table | N
         columns,
         sources(facts.shelf, path) if path is not None else (),
     )
+
+
+def _at(text: str) -> str:
+    return moment(instant(text)) if text else "–"
 
 
 def _event(entry: Entry) -> Cell:
@@ -145,7 +154,7 @@ def _decision_section(facts: MachineFacts, entry: Entry, decision: Decision) -> 
     changed = facts.titles(list(decision.changed)) if decision.changed else "no sub-model"
     text = (
         f"Version {decision.challenger.version} {may} in the place of version "
-        f"{decision.champion.version}, decided at {decision.at} by {decision.by}. "
+        f"{decision.champion.version}, decided at {_at(decision.at)} by {decision.by}. "
         f"What changed: {changed}."
     )
     rules: tuple[Column[Rule], ...] = (
