@@ -37,7 +37,7 @@ ARROWS: dict[str, set[str]] = {
     "fleet": {"submodels.contract"},
     "report": {
         "charts", "fleet", "signals.columns", "submodels.cases", "submodels.contract",
-        "submodels.judge",
+        "submodels.judge", "submodels.siblings",
     },
     "serving": set(),
     "registry": {"charts", "submodels.contract", "submodels.judge"},
@@ -53,6 +53,8 @@ ONLY: dict[str, set[str]] = {
     "omegaconf": {"stages"},
     "yaml": {"parameters", "app"},
     "joblib": {"parallel"},
+    "distributed": {"parallel"},
+    "dvc": {"app"},
     "pint": {"signals/units.py"},
     "torch": {"nets"},
     "typer": {"app"},

@@ -28,6 +28,7 @@ MINUTES = "takes a minute and an identified model"
 RECORDS = "reads records that the user has"
 ELSEWHERE = {
     "thermal-growth": MODELS, "fleet": "names the user's own fleet", "golden": RECORDS,
+    "identify": "fits what the pipeline built", "worker": "works until a scheduler ends",
     "ingest": RECORDS, "machine new": RECORDS, "optimise": MINUTES, "predict": MODELS,
     "promote": MODELS, "records": RECORDS, "report": "draws what the pipeline built",
     "simulate --corrected": MODELS, "synthesise": MODELS, "transfer": MODELS,

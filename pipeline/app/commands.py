@@ -147,6 +147,41 @@ def fleet(
             typer.echo(f"{machine}: {files} files, {new} new")
 
 
+@app.command(rich_help_panel=kerf.PROJECT)
+def identify(
+    machines: Annotated[
+        list[str] | None, typer.Option("--machine", "-m", help="A machine, again for more; all.")
+    ] = None,
+    submodels: Annotated[
+        list[str] | None, typer.Option("--submodel", help="A sub-model, again for more; all.")
+    ] = None,
+) -> None:
+    """Identify what DVC calls out of date, all machines at once: here, or where KERF_COMPUTE says.
+
+    `dvc repro` then finds these stages up to date and goes on from there.
+    """
+    from pipeline.app.cluster import identify_fleet
+
+    with one_sentence():
+        errors = identify_fleet(machines or (), submodels or (), typer.echo)
+    for error in errors:
+        typer.echo(f"kerf: {error}", err=True)
+    if errors:
+        raise typer.Exit(2)
+
+
+@app.command(rich_help_panel=kerf.PROJECT)
+def worker(
+    scheduler: Annotated[str, typer.Argument(help="Its address, as tcp://10.0.0.5:8786.")],
+    workers: Annotated[int, typer.Option(min=1, help="Processes, of one thread each.")] = 1,
+) -> None:
+    """Work for a Dask scheduler until it ends, in the project's folder on a shared disk."""
+    from pipeline.app.cluster import work_for
+
+    with one_sentence():
+        work_for(scheduler, workers)
+
+
 @app.command(rich_help_panel=kerf.RECORDS)
 def golden(
     machine: kerf.Machine,

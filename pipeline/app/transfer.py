@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from pipeline.app.fleet import DATA, machine_parameters, outside_fleet
+from pipeline.app.fleet import CONF, DATA, machine_parameters, outside_fleet
 from pipeline.app.output import check_outputs, label
 from pipeline.app.page_record import made_by_command
 from pipeline.charts import svg
@@ -50,8 +50,9 @@ def transfer_curve(
 ) -> Transfer:
     """Write the curve of minutes of warm-up against error of the sibling ``machine`` into ``out``.
 
-    ``golden``: the machine whose parameters are the prior; ``between``: standard deviation of the
-    logarithm of a parameter between machines of a type [1].
+    ``golden``: the machine whose parameters are the prior, pooled with those of further
+    machines of its type whose models are stored; ``between``: standard deviation of the logarithm
+    of a parameter between machines of a type, as expected before their models are seen [1].
     """
     if machine == golden:
         raise ValueError(f"{machine} is both sibling and golden machine: name another one")
@@ -72,6 +73,7 @@ def transfer_curve(
         for name, kind in sections(SUBMODEL.fitting).items()
     }
     settings = SUBMODEL.fitting(**given)
+    siblings = _siblings(_identity(theirs, golden).type, model, {machine, golden})
     model = replace(model, records=_shared(model, settings, machine))
     records = Records(manifest=manifest, clean=clean)
     cases = SUBMODEL.cases(records, settings, read_golden(sets))
@@ -90,7 +92,7 @@ def transfer_curve(
         pieces(training, settings.spindle_fit.bridge_s),
         pieces(list(cases.of("held_out", "golden")), np.inf),
         own=settings.spindle, resolution_K=sensor_step(measured), fitting=settings.spindle_fit,
-        settings=TransferSettings(between_machines=between),
+        settings=TransferSettings(between_machines=between), siblings=siblings,
     )  # fmt: skip
     with together():
         write_json(found, out)
@@ -102,6 +104,22 @@ def transfer_curve(
             made = made_by_command(golden, path.parents[1], values["machine"][machine], read)
             write_transfer_page(found, page, sources, credit, made)
     return found
+
+
+def _siblings(kind: str, model: SpindleModelFile, without: set[str]) -> list[SpindleModelFile]:
+    """Models of further machines of a type that are stored, with a network of that structure."""
+    found = []
+    for path in sorted((DATA / "models").glob(f"*/{SUBMODEL.name}/model.json")) if kind else ():
+        name = path.parts[-3]
+        if name in without or not (CONF / f"machine/{name}.yaml").exists():
+            continue
+        if _identity(machine_parameters(name), name).type == kind:
+            found.append(read_json(path, SpindleModelFile))
+    return [one for one in found if SUBMODEL.alike(one) == SUBMODEL.alike(model)]
+
+
+def _identity(values: dict[str, Any], machine: str) -> MachineIdentity:
+    return structure(values, f"machine.{machine}.identity", MachineIdentity)
 
 
 def _pieces(
@@ -117,8 +135,7 @@ def _pieces(
 
 
 def _credit(values: dict[str, Any], machine: str) -> str:
-    identity = structure(values, f"machine.{machine}.identity", MachineIdentity)
-    return identity.credit.strip().removesuffix(".")
+    return _identity(values, machine).credit.strip().removesuffix(".")
 
 
 def _shared(model: SpindleModelFile, settings: Any, machine: str) -> Any:
@@ -136,7 +153,7 @@ def _shared(model: SpindleModelFile, settings: Any, machine: str) -> Any:
 def transfer_table(result: Transfer) -> list[str]:
     """The curve as lines of a table, with its sentence."""
     lines = [
-        f"{result.machine}{label(result.origin)} from {result.golden}: RMSE over free runs of "
+        f"{result.machine}{label(result.origin)} from {_golden(result)}: RMSE over free runs of "
         f"{len(result.days_judged)} {'day' if len(result.days_judged) == 1 else 'days'} not used "
         "[K]",
         f"{'warm-up, min':>12}  {'pooled':>8}  {'own only':>8}  {'golden':>8}",
@@ -149,6 +166,12 @@ def transfer_table(result: Transfer) -> list[str]:
         f"{', '.join(result.not_transferred)}."
     ]
     return [*lines, result.sentence, *(lacking if result.not_transferred else [])]
+
+
+def _golden(result: Transfer) -> str:
+    """The golden machine, and those that are pooled with it."""
+    beside = f", pooled with {joined(result.siblings)}" if result.siblings else ""
+    return f"{result.golden}{beside}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -234,7 +257,7 @@ def _curve_section(found: Transfer, sources: Sequence[Source]) -> Section:
     return Section(
         key="curve", title="Minutes of warm-up against error",
         text=[
-            f"Pooled parameters start at those of {found.golden} and are moved by what "
+            f"Pooled parameters start at those of {_golden(found)}, and are moved by what "
             f"{found.machine}’s record shows. Beside them stand parameters of that record only, "
             f"and those of {found.golden} as they are."
         ],

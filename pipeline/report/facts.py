@@ -26,6 +26,7 @@ from pipeline.schema.program_cut import AS_WRITTEN, CutProgram
 from pipeline.schema.si import DAY
 from pipeline.schema.verdict import Verdict
 from pipeline.submodels.contract import Shown, submodel
+from pipeline.submodels.siblings import siblings_section
 
 Status = Literal["failed", "attention", "passed", "unknown"]
 NOW = "now"
@@ -161,7 +162,11 @@ def _part(
         signals=folders.signals,
     )
     subject = Subject(name=name, title=one.title, needs=one.needs)
-    page = submodel_page(shown, subject, one.page(shown) or PageContent())
+    content = one.page(shown) or PageContent()
+    page = submodel_page(shown, subject, content)
+    section = siblings_section(one, shown, content, folders.type, folders.siblings)
+    if section is not None:
+        page = replace(page, sections=[*page.sections, section])
     sha256 = "" if shown.model is None else model_hash(folder)
     return ModelledPart(name=name, title=one.title, shown=shown, page=page, sha256=sha256)
 

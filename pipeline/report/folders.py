@@ -1,7 +1,7 @@
 """Folders of a machine as input of its page, and the state of the project."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -43,6 +43,10 @@ class MachineFolders:
     """JSON of corrected commands driven on the simulated shop floor; None where none were."""
     settings: Path | None = None
     """JSON with the hashes of the machine's settings by section; may be absent."""
+    type: str = ""
+    """Type of the machine; empty where its file names none."""
+    siblings: Mapping[str, Path] = field(default_factory=dict)
+    """Folders of the models of the fleet's other machines of its type, by their names."""
     description: str = ""
     """Description of the machine in a sentence."""
     credit: str = ""

@@ -11,6 +11,9 @@ class MachineIdentity:
     """Name, as in its file in ``conf/machine/``."""
     description: str = ""
     """Make and kind, for people."""
+    type: str = ""
+    """Type, such as the maker's model: machines of a fleet with the same one are siblings, whose
+    parameters are pooled on their pages."""
     origin: str = "recorded"
     """``"simulated"`` or ``"recorded"``; shown wherever its results are."""
     credit: str = ""

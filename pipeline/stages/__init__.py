@@ -7,18 +7,8 @@ computes the same bits on every x86-64 processor of the last ten years.
 
 import os
 
-__all__ = ["compose", "correct_programs", "optimise", "report", "sections"]
+from pipeline.parallel import SAME_BITS
 
-SAME_BITS = {
-    "OMP_NUM_THREADS": "1",  # the same sums in the same order; narrow matrices gain three times
-    "OPENBLAS_NUM_THREADS": "1",
-    "MKL_NUM_THREADS": "1",
-    "OPENBLAS_CORETYPE": "Haswell",
-    "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
-    "ATEN_CPU_CAPABILITY": "avx2",
-    "ONEDNN_MAX_CPU_ISA": "AVX2",
-    "MKL_CBWR": "COMPATIBLE",
-}
-"""Variables that the libraries read when they are loaded; workers inherit them."""
+__all__ = ["__main__", "compose", "correct_programs", "optimise", "report", "sections"]
 
 os.environ.update(SAME_BITS)

@@ -51,9 +51,9 @@ def machines_of(folders: Sequence[Path], fleet: Fleet) -> list[MachineFolders]:
     signals, clean, models, champion, golden, truth, programs, parts, trials, *others = folders
     history, settings = others
     machines = []
-    for name in fleet.machines:
-        simulated = name in fleet.simulated
-        identity = _identity(signals / name / "manifest.json")
+    identities = {name: _identity(signals / name / "manifest.json") for name in fleet.machines}
+    for name, identity in identities.items():
+        simulated, kind = name in fleet.simulated, identity.get("type", "")
         origin = identity.get("origin", "simulated" if simulated else "recorded")
         machines.append(
             MachineFolders(
@@ -74,6 +74,12 @@ def machines_of(folders: Sequence[Path], fleet: Fleet) -> list[MachineFolders]:
                 if name in fleet.trials
                 else None,
                 settings=settings / f"{name}.json",
+                type=kind,
+                siblings={
+                    other: models / other
+                    for other, its in identities.items()
+                    if kind and its.get("type") == kind and other != name
+                },
                 description=identity.get("description", ""),
                 credit=identity.get("credit", ""),
                 missing=tuple(missing(fleet, name)),

@@ -136,6 +136,11 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
     """Frozen dataclasses of sections of params.yaml; both have ``identity`` and ``roles``."""
     inputs: ClassVar[tuple[Input, ...]]
     """Signals that its predictions look at."""
+    shared: ClassVar[str] = ""
+    """Pattern of group and name of the parameters in which machines of a type are alike, so that
+    they are pooled; empty for none."""
+    unlike: ClassVar[str] = ""
+    """Sentence on a machine of the same type whose :meth:`alike` differs, without its subject."""
     ends: ClassVar[Ends] = {}
     """Columns of :meth:`serve`'s answer with the ends of the 90 % interval.  Where a quantity is of
     each axis, its letter follows the name there, and stands before the columns."""
@@ -201,6 +206,10 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
     def figures(self, model: M) -> Mapping[str, Any]:
         """Further key figures for the metrics, by their names; none by default."""
         return {}
+
+    def alike(self, model: M) -> tuple[Any, ...]:
+        """Values that machines must share beside their type for parameters to be pooled."""
+        return ()
 
     def page(self, shown: "Shown[M]") -> "PageContent | None":
         """Page content that only this sub-model has; its files give the rest of its page."""

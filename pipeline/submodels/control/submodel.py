@@ -324,6 +324,7 @@ class Control(SubModel[Fitting, Judging, ControlModelFile]):
         Input(name="feed_override", unit="%"),
         Input(name="rapid_override", unit="%"),
     )
+    shared: ClassVar[str] = ".*"
     ends: ClassVar[Ends] = {(TIME, WHOLE): ("program_time_low", "program_time_high")}
 
     def targets(self, settings: Judging, model: ControlModelFile) -> tuple[Target, ...]:

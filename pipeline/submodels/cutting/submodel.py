@@ -54,6 +54,9 @@ SERVED = ["peak_N", "mean_N", "rms_N", "peak_low_N", "peak_high_N", "mean_low_N"
           "outside"]  # fmt: skip
 """Columns of served forces."""
 
+GEOMETRY = ("kind", "diameter_mm", "flutes", "helix_deg")
+"""Measures of a tool that its cutting-force coefficients hold for."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Fitting:
@@ -89,6 +92,8 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
     inputs: ClassVar[tuple[Input, ...]] = tuple(
         Input(name=name, unit=unit) for name, unit in COLUMNS.items()
     )
+    shared: ClassVar[str] = r"K_\w+|kienzle\.\w+"
+    unlike: ClassVar[str] = "its force law is of another material or tool"
     ends: ClassVar[Ends] = {
         (PEAK, ""): ("peak_low_N", "peak_high_N"), (MEAN, ""): ("mean_low_N", "mean_high_N")
     }  # fmt: skip
@@ -125,6 +130,10 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
             for log in logs
         ]  # fmt: skip
         return Cases(cases=tuple(cases), left_out=tuple(left_out))
+
+    def alike(self, model: CuttingModel) -> tuple[Any, ...]:
+        """Material and cutting geometry that the coefficients hold for."""
+        return model.material, *(model.tool.get(name) for name in GEOMETRY)
 
     def fit(self, cases: Cases, settings: Fitting, folder: Path) -> CuttingModel:
         """Coefficients of the training recordings, and the specific force of the training logs."""

@@ -120,6 +120,7 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         Input(name="position", unit="m", older_than_s=0.0),
         Input(name="load", unit="N", older_than_s=0.0),
     )
+    shared: ClassVar[str] = r"\w (coulomb|static|stribeck_velocity|viscous)_(positive|negative)"
     ends: ClassVar[Ends] = {
         (FOLLOWING, ""): ("following_error_low", "following_error_high"),
         (FORCE, ""): ("force_low", "force_high"),

@@ -123,6 +123,8 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
         Input(name="spindle_load", unit="%"),
         Input(name=TARGET, unit="degC", older_than_s=0.0),
     )
+    shared: ClassVar[str] = ".*"
+    unlike: ClassVar[str] = "its network has another number of nodes"
     ends: ClassVar[Ends] = {(TARGET, FREE_RUN): ("low", "high")}
 
     def targets(self, settings: Judging, model: SpindleModelFile) -> tuple[Target, ...]:
@@ -166,6 +168,10 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
                 )
             )  # fmt: skip
         return Cases(cases=tuple(cases), absent=absent_items(clean))
+
+    def alike(self, model: SpindleModelFile) -> tuple[int]:
+        """Nodes of the network: a rate of one node is not one of two."""
+        return (model.fit.nodes,)
 
     def fit(self, cases: Cases, settings: Fitting, folder: Path) -> SpindleModelFile:
         """Thermal network of the training days, and the forest on its residual."""

@@ -1,10 +1,11 @@
 """Transfer of a spindle's network to a sibling: partial pooling from its first minutes of warm-up.
 
-The parameters of a golden machine are where those of a sibling are expected (maximum a posteriori):
-the logarithm of each rate and heating coefficient is normal about the golden one's, its variance
-that of the golden fit plus a variance between machines.  So a short record moves what it shows and
-leaves the rest at the golden machine's (Gelman and Hill 2007, ch. 12).  Beside it stand a network
-fitted on that short record alone and the golden one as it is.
+The parameters of a golden machine, and of further ones of its type, say where those of a sibling
+are expected (maximum a posteriori): the logarithm of each rate and heating coefficient is normal
+about their pooled mean, its variance that of the mean plus that between machines
+(:mod:`pipeline.submodels.pooling`).  So a short record moves what it shows and leaves the rest
+where the others are (Gelman and Hill 2007, ch. 12).  Beside it stand a network fitted on that short
+record alone and the golden one as it is.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.schema.arrays import Floats
-from pipeline.schema.model import Parameter
 from pipeline.schema.ranges import Positive, Ranged
 from pipeline.signals.windows import StateSegment
+from pipeline.submodels.pooling import expected, standard_error
 from pipeline.submodels.spindle.days import heated
 from pipeline.submodels.spindle.fit import (
     BOUNDS,
@@ -27,7 +28,6 @@ from pipeline.submodels.spindle.fit import (
     solve,
     structure_of,
 )
-from pipeline.submodels.statistics import NORMAL_95
 from pipeline.thermal.network import SOURCES, SpindleThermalParameters, temperatures
 from pipeline.twin.spindle import (
     TARGET,
@@ -41,6 +41,8 @@ from pipeline.twin.spindle import (
 
 UNKNOWN_WIDTH = float(np.log(3))
 """Standard deviation of the logarithm of a golden parameter that its records do not determine."""
+UNKNOWN_WIDTH_K = 5.0
+"""Standard deviation of a golden surround that its records do not determine [K]."""
 FARTHEST = float(np.log(30))
 """Greatest logarithm of a sibling's parameter over the golden one's."""
 METHODS = ("pooled", "own", "golden")
@@ -54,7 +56,8 @@ class TransferSettings(Ranged, section="spindle_transfer"):
     minutes: tuple[Positive, ...] = (15.0, 30.0, 60.0, 120.0, 240.0, 480.0)
     """Lengths of the sibling's record, from its first start [min]."""
     between_machines: Positive = 0.3
-    """Standard deviation of log rates and coefficients between machines of a type [1]."""
+    """Standard deviation of log rates and coefficients between machines of a type, as expected
+    before their models are seen [1]."""
     between_machines_K: Positive = 2.0
     """Standard deviation of the surround's temperature between machines [K]."""
 
@@ -85,6 +88,8 @@ class Transfer:
     """Points by rising length of the record."""
     pooled: Mapping[str, float]
     """Parameters from both machines with the longest record, by name, in the model's units."""
+    siblings: tuple[str, ...] = ()
+    """Further machines of the golden one's type whose parameters are pooled with its own."""
     not_transferred: tuple[str, ...]
     """Heat sources of the sibling that the golden machine does not have."""
     sentence: str
@@ -102,13 +107,14 @@ def transfer(
     resolution_K: float,
     fitting: SpindleFitSettings,
     settings: TransferSettings,
+    siblings: Sequence[SpindleModelFile] = (),
 ) -> Transfer:
     """Error on days not used against minutes of the sibling's own record.
 
     ``pieces`` are the sibling's training days in the order of time, ``judged`` the days that are
     not used, ``own`` the signals that it records, ``resolution_K`` the step of its temperature
-    sensor [K]. ValueError when no day can be judged, or the spindle never starts on the training
-    days.
+    sensor [K], ``siblings`` further models of the golden machine's type. ValueError when no day can
+    be judged, or the spindle never starts on the training days.
     """
     if not judged:
         raise ValueError(
@@ -118,7 +124,9 @@ def transfer(
     points, pooled = [], golden.network
     for minutes in sorted(settings.minutes):
         short = first_minutes(pieces, minutes)
-        pooled = pooled_network(golden, short, settings, correlation_s=fitting.window_s)
+        pooled = pooled_network(
+            golden, short, settings, correlation_s=fitting.window_s, siblings=siblings
+        )
         alone = own_network(Given(short, records, fitting), golden.network)
         points.append(TransferPoint(
             minutes=minutes, pooled=_rmse(judged, records, pooled),
@@ -129,6 +137,7 @@ def transfer(
         machine=machine, golden=golden.machine, origin=origin,
         days_judged=tuple(sorted({piece.day for piece in judged})), resolution_K=resolution_K,
         points=tuple(points), pooled=_values(pooled),
+        siblings=tuple(one.machine for one in siblings),
         not_transferred=tuple(s for s in own.sources if s not in records.sources),
         sentence=leader(points, resolution_K),
     )  # fmt: skip
@@ -160,11 +169,12 @@ def pooled_network(
     settings: TransferSettings,
     *,
     correlation_s: float,
+    siblings: Sequence[SpindleModelFile] = (),
 ) -> SpindleThermalParameters:
     """The network of maximum posterior: the golden machine's, moved by the sibling's record.
 
-    Parameters and intervals of the golden machine are the prior.  Residuals hang together over
-    ``correlation_s`` [s]: so much of a record counts as one measurement.
+    Parameters and intervals of the golden machine and of its ``siblings`` are the prior.  Residuals
+    hang together over ``correlation_s`` [s]: so much of a record counts as one measurement.
     """
     from scipy.optimize import least_squares
 
@@ -172,13 +182,11 @@ def pooled_network(
     surround = "ambient_offset" if records.ambient else "ambient"
     rates = [name for name in LOGARITHMIC if getattr(start, name) > 0]
     names = [*rates, *(name for name, value in start.heating.items() if value > 0), surround]
-    known = golden.parameters.get("", {})
-    width = np.array([
-        np.hypot(settings.between_machines_K, _deviation_K(known.get(name)))
-        if name == surround
-        else np.hypot(settings.between_machines, _deviation(known.get(name)))
+    values = {name: getattr(start, name) for name in (*rates, surround)} | dict(start.heating)
+    centre, width = np.array([
+        _prior(name, values[name], [golden, *siblings], settings, logarithmic=name != surround)
         for name in names
-    ])  # fmt: skip
+    ]).T  # fmt: skip
     noise = max(golden.fit.rmse_K, 0.1)
     given = [
         (heat_of(p.frame), p.frame[TARGET].to_numpy(float), p.step,
@@ -195,7 +203,7 @@ def pooled_network(
         return replace(start, heating=heating, **changed)
 
     def residuals(z: Floats) -> Floats:
-        one, parts = network(z), [z / width]
+        one, parts = network(z), [(z - centre) / width]
         for heat, measured, step, ambient, coolant in given:
             found = temperatures(heat, measured[0], one, step, ambient=ambient, coolant=coolant)[0]
             error = (found - measured)[np.isfinite(measured)]
@@ -203,24 +211,33 @@ def pooled_network(
         return np.concatenate(parts)
 
     reach = np.where(np.array(names) == surround, np.ptp(BOUNDS[surround]), FARTHEST)
-    best = least_squares(residuals, np.zeros(len(names)), bounds=(-reach, reach), x_scale=width)
+    best = least_squares(
+        residuals, np.clip(centre, -0.9 * reach, 0.9 * reach), bounds=(-reach, reach), x_scale=width
+    )
     return network(best.x)
 
 
-def _deviation(golden: Parameter | None) -> float:
-    """Standard deviation of the logarithm of a golden parameter, from its 95 % interval [1]."""
-    if golden is None or golden.interval_95 is None or not golden.value:
-        return UNKNOWN_WIDTH
-    low, high = golden.interval_95
-    return min((high - low) / (2 * NORMAL_95 * abs(golden.value)), UNKNOWN_WIDTH)
+def _prior(
+    name: str, value: float, models: Sequence[SpindleModelFile], settings: TransferSettings,
+    *, logarithmic: bool,
+) -> tuple[float, float]:  # fmt: skip
+    """Mean and standard deviation of a sibling's parameter against the golden ``value``.
 
-
-def _deviation_K(golden: Parameter | None) -> float:
-    """Standard deviation of a golden surround, from its 95 % interval [K]."""
-    if golden is None or golden.interval_95 is None:
-        return 5.0
-    low, high = golden.interval_95
-    return (high - low) / (2 * NORMAL_95)
+    That is the logarithm of their ratio [1], or their difference [K].  The first of the ``models``
+    is the golden machine's; a parameter that it does not determine has the value of its network.
+    """
+    unknown = UNKNOWN_WIDTH if logarithmic else UNKNOWN_WIDTH_K
+    estimates, errors = list[float](), list[float]()
+    for number, model in enumerate(models):
+        p = model.parameters.get("", {}).get(name)
+        error = None if p is None else standard_error(p, logarithmic=logarithmic)
+        its = value if number == 0 or p is None or p.value is None else p.value
+        if number and (error is None or (logarithmic and its <= 0)):
+            continue
+        estimates.append(float(np.log(its / value)) if logarithmic else its - value)
+        errors.append(unknown if error is None else min(error, unknown))
+    scale = settings.between_machines if logarithmic else settings.between_machines_K
+    return expected(estimates, errors, scale)
 
 
 def own_network(given: Given, golden: SpindleThermalParameters) -> SpindleThermalParameters | None:

@@ -138,6 +138,32 @@ def test_who_leads_does_so_beyond_the_sensor_and_at_all_longer_records():
     assert leader(points((2.0, 2.0, 2.0), (0.1, 3.0, 3.0)), 1.0).startswith(none)
 
 
+def test_models_of_the_golden_machines_siblings_narrow_and_move_the_prior():
+    def sibling(shift: float) -> SpindleModelFile:
+        known = GOLDEN.parameters[""]
+        rates = {name: parameter(p.value * np.exp(shift)) for name, p in known.items()
+                 if name != "ambient" and p.value}  # fmt: skip
+        return replace(GOLDEN, machine=f"{shift}", parameters={"": {**known, **rates}})
+
+    few = first_minutes(days_of(SIBLING, 1, 8), 15.0)
+    rest = first_minutes_of_rest(days_of(SIBLING, 4, 1, excited=()))
+    shifted = [sibling(shift) for shift in (0.19, 0.2, 0.21, 0.2)]
+
+    def found(pieces, siblings) -> SpindleThermalParameters:
+        return pooled_network(GOLDEN, pieces, SETTINGS, correlation_s=3600.0, siblings=siblings)
+
+    moved = found(rest, shifted).heating["copper"] / ONE.heating["copper"]
+    assert np.log(moved) == pytest.approx(4 / 5 * 0.2, abs=0.04)  # the mean of all five
+    same = [sibling(shift) for shift in (0.0, 0.01, -0.01, 0.0)]
+    assert distance(found(few, same), ONE) < distance(found(few, ()), ONE)
+    result = transfer(
+        GOLDEN, "sibling", "simulated", days_of(SIBLING, 1, 8), days_of(SIBLING, 1, 2),
+        own=RECORDS, resolution_K=1.0, fitting=QUICK, settings=replace(SETTINGS, minutes=(15.0,)),
+        siblings=same[:1],
+    )  # fmt: skip
+    assert result.siblings == ("0.0",)
+
+
 def small_transfer(project: Path) -> Path:
     """A project in which ``kerf transfer`` has all that it reads."""
     with_conf(project)
@@ -171,5 +197,11 @@ def test_the_command_writes_the_curve_and_prints_it(tmp_path):
     lines = done.stdout.splitlines()
     assert lines[0].startswith("mill02 (simulated) from golden: RMSE over free runs of 1 day not")
     assert f"{found.points[0].pooled:.2f}" in lines[2] and found.sentence in lines
+    # a further machine of the golden one's type, of which a model is stored
+    write_json(replace(GOLDEN, machine="mill00"), project / "data/models/mill00/spindle/model.json")
+    with inside(project):
+        done = CliRunner().invoke(app, [*words, "pooled.json"])
+    assert "mill02 (simulated) from golden, pooled with mill00:" in done.stdout
+    assert read_json(project / "pooled.json", Transfer).points != found.points
     assert same.exit_code == 2 and "name another one" in same.stderr
     assert none.exit_code == 2 and "dvc repro identify_spindle@mill02" in none.stderr
