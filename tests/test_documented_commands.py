@@ -30,7 +30,8 @@ ELSEWHERE = {
     "thermal-growth": MODELS, "fleet": "names the user's own fleet", "golden": RECORDS,
     "identify": "fits what the pipeline built", "worker": "works until a scheduler ends",
     "ingest": RECORDS, "machine new": RECORDS, "optimise": MINUTES, "predict": MODELS,
-    "promote": MODELS, "records": RECORDS, "report": "draws what the pipeline built",
+    "promote": MODELS, "rollback": MODELS, "history": MODELS,
+    "records": RECORDS, "report": "draws what the pipeline built",
     "simulate --corrected": MODELS, "synthesise": MODELS, "transfer": MODELS,
     "verify": "reads pages that the pipeline built", "wear": MODELS,
 }  # fmt: skip
