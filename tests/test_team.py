@@ -13,7 +13,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from pipeline.champions.promotion import promote
+from pipeline.champions.promotion import promote, rollback
 from pipeline.champions.serving import status
 from pipeline.registry.loading import load
 from pipeline.registry.store import EXPERIMENT, client_of, versions
@@ -28,7 +28,7 @@ import sys, time
 from pathlib import Path
 import mlflow
 from tests.bundled_project import registered
-from pipeline.champions.promotion import promote
+from pipeline.champions.promotion import promote, rollback
 root, by, ready, go = sys.argv[1:]
 Path(ready).touch()
 while not Path(go).exists():
@@ -100,7 +100,7 @@ def test_a_server_on_postgresql_and_s3_registers_promotes_and_serves(
     monkeypatch.setattr(tempfile, "tempdir", str(scratch))
     other = shutil.copytree(root, tmp_path / "other")
     shutil.rmtree(other / CHAMPION)
-    back = promote(MACHINE, other, why="the oil was changed back", by="Robin", to=1)
+    back = rollback(MACHINE, other, why="the oil was changed back", by="Robin")
     assert bundle_of(other / CHAMPION, MACHINE, ["spindle"]).sha256 == back.bundle != now.bundle
     (kept,) = (other / "mlartifacts/from_server").iterdir()
     assert not list(kept.rglob("*.py"))  # what a promotion needs, without the code

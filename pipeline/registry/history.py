@@ -51,7 +51,7 @@ def claim(entry: Entry, root: Path) -> tuple[Entry, ...]:
         model = client.get_model_version(model_name(entry.machine), str(known[-1].version))
         client.create_model_version(
             name, model.source, known[-1].run or None, tags={ENTRY: entry.line},
-            model_id=model.model_id or None,
+            model_id=_logged(model) or None,
             description=f"{entry.event}: version {entry.version}, {entry.by}, {entry.why}",
         )  # fmt: skip
     return server_history(entry.machine, root)
@@ -130,5 +130,10 @@ def delete_version(version: Version, root: Path) -> None:
     with reached("written"):
         stored = client.get_model_version(name, str(version.version))
         client.delete_model_version(name, str(version.version))
-        if stored.model_id:
-            client.delete_logged_model(stored.model_id)
+        if logged := _logged(stored):
+            client.delete_logged_model(logged)
+
+
+def _logged(version: Any) -> str:
+    """Id of the logged model of a version, which a server leaves out; empty without one."""
+    return version.model_id or version.source.rpartition("models:/")[2]
