@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from pipeline.charts.submodel_page import PageContent
+    from pipeline.submodels.next_recording import Design
 
 Fit = TypeVar("Fit")
 Judging = TypeVar("Judging")
@@ -201,6 +202,11 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
     def figures(self, model: M) -> Mapping[str, Any]:
         """Further key figures for the metrics, by their names; none by default."""
         return {}
+
+    def designs(self, model: M, cases: Cases, settings: Judging) -> "Sequence[Design]":
+        """Recordings that could be made, by what they would tell of the parameters; none by
+        default: :mod:`~pipeline.submodels.next_recording` then goes by remedies and conditions."""
+        return ()
 
     def page(self, shown: "Shown[M]") -> "PageContent | None":
         """Page content that only this sub-model has; its files give the rest of its page."""
