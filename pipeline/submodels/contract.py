@@ -204,8 +204,10 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
         return {}
 
     def designs(self, model: M, cases: Cases, settings: Judging) -> "Sequence[Design]":
-        """Recordings that could be made, by what they would tell of the parameters; none by
-        default: :mod:`~pipeline.submodels.next_recording` then goes by remedies and conditions."""
+        """Recordings that could be made, by what they would tell of the parameters.
+
+        None by default: :mod:`~pipeline.submodels.next_recording` goes by remedies and conditions.
+        """
         return ()
 
     def page(self, shown: "Shown[M]") -> "PageContent | None":

@@ -183,14 +183,16 @@ def next_recordings(
     lists = [(one, found) for one in designs if (found := by_design(one))]
     if not lists:
         return tuple(_undeclared(title, needs, model, verdict))
-    lists.sort(key=lambda pair: (pair[1][0].now is not None,
-                                 -(pair[1][0].now or 0.0) / max(pair[0].limit, 1e-300)))  # fmt: skip
+    lists.sort(key=lambda pair: _rank(pair[0], pair[1][0]))
     return (*lists[0][1], *(found[0] for _, found in lists[1:]))
 
 
-def _undeclared(
-    title: str, needs: str, model: Model, verdict: Verdict
-) -> Iterator[NextRecording]:
+def _rank(design: Design, best: NextRecording) -> tuple[bool, float]:
+    """What nothing determines first, then the interval that is widest for its size."""
+    return best.now is not None, -(best.now or 0.0) / max(design.limit, 1e-300)
+
+
+def _undeclared(title: str, needs: str, model: Model, verdict: Verdict) -> Iterator[NextRecording]:
     """By the stored remedies, the learnt conditions and the groups, one of each at most."""
     for group, parameters in model.parameters.items():
         for name, one in parameters.items():
@@ -244,7 +246,7 @@ def _of_groups(title: str, needs: str, model: Model, verdict: Verdict) -> Iterat
         return
     errors = np.array([s.rmse for s in some], dtype=np.float64)
     now, half = (
-        student_quantile(many - 1) * float(errors.std(ddof=1)) / np.sqrt(many)
+        student_quantile(many - 1) * float(errors.std(ddof=1)) / many**0.5
         for many in (groups, groups + 1)
     )
     if not now:

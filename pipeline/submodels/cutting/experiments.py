@@ -55,12 +55,12 @@ def cutting_design(
         interval=INTERVAL, unit="N", limit=float(forces),
         candidates=[
             Candidate(record=f"{words}; {LOGGED}", minutes=20.0, rows=rows(cuts))
-            for words, cuts in _series(training)
+            for words, cuts in cut_series(training)
         ],
     )  # fmt: skip
 
 
-def _series(training: Sequence[CutConditions]) -> Iterator[tuple[str, list[CutConditions]]]:
+def cut_series(training: Sequence[CutConditions]) -> Iterator[tuple[str, list[CutConditions]]]:
     """Series of cuts within the feeds and depths that were cut before."""
     feeds = np.array([c.f_z for c in training])
     low, high = float(feeds.min()), float(feeds.max())

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Ints
 from pipeline.schema.drive import FORCE, DirectionFriction, DriveAxis, DriveModel
 from pipeline.schema.model import Parameter
 from pipeline.submodels.drive.estimates import SENSOR
@@ -113,7 +113,7 @@ def _of_table(table: Regressors, axis: DriveAxis, *, by_stroke: bool = True) -> 
     return _once(rows, table.stroke) if by_stroke else rows
 
 
-def _once(rows: Floats, stroke: Floats) -> Floats:
+def _once(rows: Floats, stroke: Ints) -> Floats:
     """Rows with the weight of one row a stroke."""
     _, member, count = np.unique(stroke, return_inverse=True, return_counts=True)
     return np.asarray(rows / np.sqrt(count[member])[:, None])
@@ -141,7 +141,9 @@ def _candidates(letter: str, axis: DriveAxis, table: Regressors) -> Iterator[Can
         )  # fmt: skip
 
 
-def _strokes(speeds: Sequence[float], rate: float, longest: float) -> Iterator[tuple[Floats, Floats]]:
+def _strokes(
+    speeds: Sequence[float], rate: float, longest: float
+) -> Iterator[tuple[Floats, Floats]]:
     """Ramp and plateau [s] with speed and rate of each stroke, until the recording is over."""
     left = RECORDED_S
     while left > 0:
@@ -153,9 +155,7 @@ def _strokes(speeds: Sequence[float], rate: float, longest: float) -> Iterator[t
                 left -= 2 * peak / rate + plateau + PAUSE_S
 
 
-def _of_strokes(
-    strokes: Sequence[tuple[Floats, Floats]], axis: DriveAxis, period: float
-) -> Floats:
+def _of_strokes(strokes: Sequence[tuple[Floats, Floats]], axis: DriveAxis, period: float) -> Floats:
     """Derivatives of the force along strokes, one row's weight a stroke; shape (N, 9)."""
     parts, numbers = [], []
     for number, ((ramp, plateau), (peak, rate)) in enumerate(strokes):
@@ -168,8 +168,8 @@ def _of_strokes(
         for way, friction in zip((1.0, -1.0), _directions(axis), strict=True):
             share = (speed / friction.stribeck_velocity) ** 2
             moves, static = sign * (sign == way), np.exp(-share)
-            columns += [moves * np.ones_like(speed), moves * static,
-                        moves * _amplitude(friction) * static * 2 * share, moves * speed]  # fmt: skip
+            slope = 2 * _amplitude(friction) * share * static
+            columns += [moves * each for each in (np.ones_like(speed), static, slope, speed)]
         parts.append(np.column_stack(columns))
         numbers.append(np.full(len(t), number))
     return _once(np.concatenate(parts), np.concatenate(numbers))

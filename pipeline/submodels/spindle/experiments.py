@@ -55,7 +55,9 @@ def spindle_design(
 
     def problem(pieces: Sequence[StateSegment]) -> Problem:
         settings = SpindleFitSettings(step_s=model.fit.step_s)
-        found = Problem(Given(pieces, model.records, settings), sources, structure_of(model.network))
+        found = Problem(
+            Given(pieces, model.records, settings), sources, structure_of(model.network)
+        )
         found.scale = dict.fromkeys(sources, 1.0)  # one scale in all
         return found
 
@@ -129,7 +131,7 @@ def _duties(
         heat = np.zeros((steps + round(REST_S / model.fit.step_s), len(SOURCES)))
         heat[:steps] = heat_sources(speed, load, hold)
         frame = pd.DataFrame(heat, columns=list(SOURCES))
-        for name in model.records.inputs[len(SOURCES):]:
+        for name in model.records.inputs[len(SOURCES) :]:
             frame[name] = float(table[name].median())
         frame[TARGET] = start
         return replace(training[0], frame=frame, step=model.fit.step_s, bridged=0)
@@ -144,7 +146,8 @@ def _duties(
         "of the time each, without a cut", duty(ramp, idle, 0.0, cold)
     )  # fmt: skip
     yield (
-        f"cut at {100 * heavy:.0f} % load and {rpm(usual)} from cold", duty(usual, heavy, 0.0, cold)
+        f"cut at {100 * heavy:.0f} % load and {rpm(usual)} from cold",
+        duty(usual, heavy, 0.0, cold),
     )
     if model.records.position_control:
         yield "hold the cold spindle in position (C axis)", duty(0.0, 0.0, 1.0, cold)

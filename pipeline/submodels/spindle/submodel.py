@@ -262,9 +262,7 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
             values["coolant_temperature"] = 22.0
         return pd.DataFrame({"time": time, **values, TARGET: 22.0})
 
-    def designs(
-        self, model: SpindleModelFile, cases: Cases, settings: Judging
-    ) -> Sequence[Design]:
+    def designs(self, model: SpindleModelFile, cases: Cases, settings: Judging) -> Sequence[Design]:
         """Duties of twenty minutes, by the thermal network."""
         limits = settings.spindle_limits
 
