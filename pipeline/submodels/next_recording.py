@@ -4,11 +4,12 @@ A sub-model declares a :class:`Design`: how its fit's rows depend on the paramet
 so far, in the records that are judged, and in each recording that the shop floor can make.  Rows
 of the fit are of one accuracy, so the covariance of the parameters is
 
-    C = s^2 (X' X + P)^-1 + diag(f^2),
+    C = s^2 (X'X + P)^-1 + diag(f^2),
 
 with X the rows so far, P a weak prior on what they do not determine and f what no recording narrows
 (a sensor's scale).  The scale s is that with which the records so far give the intervals that the
-model states, so it holds errors of the model and residuals that hang together.  A recording Z gives
+model states, so it holds errors of the model and residuals that hang together; where parameters are
+left out of a fit, it is that of the rows with them in it.  A recording Z gives
 C with X'X + Z'Z (Fedorov 1972; Atkinson, Donev and Tobias, *Optimum Experimental Designs*, 2007).
 First comes what determines a parameter that nothing determined; else what narrows most the mean
 variance of the predictions that are judged (I-optimality, there section 10.6).
@@ -76,7 +77,8 @@ class Design:
     units: tuple[str, ...]
     """Units of the half widths; D."""
     half_widths: Floats
-    """Half of each stated 95 % interval; NaN where the parameter is not determined; shape (D,)."""
+    """Half of each stated 95 % interval; NaN where the parameter is not determined, 0 for a nuisance
+    whose prior stands among ``rows``; shape (D,)."""
     floors: Floats
     """Part of them that no recording narrows; shape (D,)."""
     sizes: Floats
@@ -91,6 +93,9 @@ class Design:
     limit: float
     """What it is compared with among designs, as the greatest error [unit]."""
     candidates: Sequence[Candidate]
+    noise: float | None = None
+    """Standard deviation of a row with every parameter fitted, where the records say it; else that
+    with which they give the stated intervals."""
 
     @property
     def determined(self) -> Bools:
@@ -105,13 +110,17 @@ class Design:
 
     def covariance(self, known: Bools, more: Floats | None = None) -> Floats:
         """Covariance of the parameters of ``known``, with the rows of ``more`` added."""
+        noise = self._stated_noise() if self.noise is None else self.noise
+        lasting = np.diag((self.floors[known] / NORMAL_95) ** 2)
+        return noise**2 * self._inverse(known, more, (noise / PRIOR) ** 2) + lasting
+
+    def _stated_noise(self) -> float:
+        """Standard deviation of a row by the stated intervals, the median over parameters."""
         own = self.determined
         stated, floor = self.half_widths[own], self.floors[own]
         narrowed = np.sqrt(np.maximum(stated**2 - floor**2, (STATED * stated) ** 2)) / NORMAL_95
         root = np.sqrt(np.diag(self._inverse(own, None, 0.0)))
-        noise = float(np.median(narrowed / np.maximum(root, 1e-300)))
-        lasting = np.diag((self.floors[known] / NORMAL_95) ** 2)
-        return noise**2 * self._inverse(known, more, (noise / PRIOR) ** 2) + lasting
+        return float(np.median((narrowed / np.maximum(root, 1e-300))[stated > 0]))
 
     def _inverse(self, known: Bools, more: Floats | None, prior: float) -> Floats:
         """(X'X + P)^-1 of some parameters, with P for each that is not determined."""

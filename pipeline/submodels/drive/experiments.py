@@ -78,13 +78,23 @@ def _design(letter: str, model: DriveModel, some: Regressors, others: Regressors
         names += [f"{letter} {words}, {direction}" for words in WORDS]
         units += [own["coulomb"].unit, own["coulomb"].unit, "1", own["viscous"].unit]
     sizes_ = np.maximum(np.array(sizes), 1e-12)
+    own = _of_table(some, axis)
     return Design(
         names=tuple(names), units=tuple(units), half_widths=np.array(half), sizes=sizes_,
-        floors=np.array(floors) * sizes_, rows=_of_table(some, axis),
+        floors=np.array(floors) * sizes_, rows=own, noise=None if np.isfinite(half).all() else _noise(some, own),
         judged=_of_table(others, axis, by_stroke=False), unit=axis.force_unit,
         interval=f"{FORCE} {letter} of the judged recordings, by mass and friction",
         limit=max(axis.constant_level, 1e-12), candidates=list(_candidates(letter, axis, some)),
     )  # fmt: skip
+
+
+def _noise(table: Regressors, rows: Floats) -> float:
+    """Standard deviation of a stroke's mean force with all nine parameters fitted [N]."""
+    strokes = len(np.unique(table.stroke))
+    force = _once(table.force[:, None], table.stroke)[:, 0]
+    scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    left = force - rows @ (np.linalg.lstsq(rows / scale, force)[0] / scale)
+    return float(np.sqrt(left @ left / max(strokes - rows.shape[1], 1)))
 
 
 def _half(one: Parameter) -> float:
@@ -135,8 +145,8 @@ def _candidates(letter: str, axis: DriveAxis, table: Regressors) -> Iterator[Can
         said = ", ".join(f"{1e3 * speed:.3g}" for speed in speeds)
         strokes = list(_strokes(speeds, rate, longest))
         yield Candidate(
-            record=f"move {letter} in air {words}, at {said} mm/s, for {RECORDED_S / 60:g} minutes "
-            f"in all, {LOGGED}",
+            record=f"move {letter} in air {words}, at {said} mm/s, over {1e3 * longest:.0f} mm or "
+            f"{PLATEAU_S:g} s at most, for {RECORDED_S / 60:g} minutes in all, {LOGGED}",
             minutes=20.0, rows=_of_strokes(strokes, axis, table.period),
         )  # fmt: skip
 

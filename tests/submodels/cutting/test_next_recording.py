@@ -70,9 +70,7 @@ def identified(folder, shop, more=()):
         cutting=section(f"machine.{MACHINE}.cutting", CuttingSetup),
         cutting_fit=CuttingFitSettings(compare=False),
     )  # fmt: skip
-    cases = SUBMODEL.cases(
-        Records(signals=folder / "signals", raw=folder / "raw"), settings, None
-    )
+    cases = SUBMODEL.cases(Records(signals=folder / "signals", raw=folder / "raw"), settings, None)
     model = SUBMODEL.fit(cases, settings, folder)
     learnt = {one.case for one in model.trained_on}
     training = [one.load().conditions for one in cases.cases if one.name in learnt]
@@ -82,9 +80,7 @@ def identified(folder, shop, more=()):
 
 def promised_and_reached(folder, seed):
     """Half width before, promised and reached, of the best and of the worst of the candidates."""
-    shop = other_mill(
-        structure(_configuration(), f"machine.{MACHINE}.shop", ShopParameters), seed
-    )
+    shop = other_mill(structure(_configuration(), f"machine.{MACHINE}.shop", ShopParameters), seed)
     design, training = identified(folder / f"{seed}", shop)
     every = design.determined
     if not every.all():
@@ -98,5 +94,7 @@ def promised_and_reached(folder, seed):
         cuts = next(cuts for words, cuts in series.items() if one.record.startswith(words))
         anew, _ = identified(folder / f"{seed}-{name}", shop, cuts)
         same = replace(anew, judged=design.judged)
-        rows.append((name, seed, design.half_width(every), promise, same.half_width(same.determined)))
+        rows.append(
+            (name, seed, design.half_width(every), promise, same.half_width(same.determined))
+        )
     return rows
