@@ -78,10 +78,11 @@ def _design(letter: str, model: DriveModel, some: Regressors, others: Regressors
         names += [f"{letter} {words}, {direction}" for words in WORDS]
         units += [own["coulomb"].unit, own["coulomb"].unit, "1", own["viscous"].unit]
     sizes_ = np.maximum(np.array(sizes), 1e-12)
-    own = _of_table(some, axis)
+    rows = _of_table(some, axis)
     return Design(
         names=tuple(names), units=tuple(units), half_widths=np.array(half), sizes=sizes_,
-        floors=np.array(floors) * sizes_, rows=own, noise=None if np.isfinite(half).all() else _noise(some, own),
+        floors=np.array(floors) * sizes_, rows=rows,
+        noise=None if np.isfinite(half).all() else _noise(some, rows),
         judged=_of_table(others, axis, by_stroke=False), unit=axis.force_unit,
         interval=f"{FORCE} {letter} of the judged recordings, by mass and friction",
         limit=max(axis.constant_level, 1e-12), candidates=list(_candidates(letter, axis, some)),

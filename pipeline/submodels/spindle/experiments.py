@@ -120,8 +120,8 @@ def _duties(
         return
     speeds = turning["bearing_friction"].to_numpy(float) ** 0.6
     loads = np.sqrt(turning["copper"].to_numpy(float))
-    top, usual = float(np.percentile(speeds, 99)), float(np.median(speeds))
-    idle, heavy = np.percentile(loads, [10, 95]).tolist()
+    top, (idle, most) = float(np.percentile(speeds, 99)), np.percentile(loads, [10, 90]).tolist()
+    usual, heavy = (float(np.median(each[loads >= most])) for each in (speeds, loads))
     measured = table[TARGET].dropna()
     cold = float(measured.quantile(0.02))
     steps, half = round(WORK_S / model.fit.step_s), 0.5 * top
