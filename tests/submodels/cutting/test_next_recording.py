@@ -1,15 +1,10 @@
 """Cuts that were proposed are made on simulated mills, and the intervals narrow as promised."""
 
-import re
-import sys
 from dataclasses import replace
 from functools import cache, partial
-from multiprocessing import Pool
 
 import numpy as np
-import pytest
 import yaml
-from threadpoolctl import threadpool_limits
 
 import pipeline.shop.cutting.dynamometer as dynamometer
 from pipeline.parameters import structure

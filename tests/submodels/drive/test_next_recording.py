@@ -1,11 +1,11 @@
 """Strokes that were proposed are made on the simulated mill, and intervals narrow as promised."""
 
 import re
+import sys
 from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
-import pytest
 import yaml
 
 from pipeline.parameters import structure
@@ -22,13 +22,17 @@ from pipeline.shop.drives.records import (
 )
 from pipeline.shop.parameters import ShopParameters
 from pipeline.stages.compose import composed
-from pipeline.submodels.cases import Case, Cases, Roles
+from pipeline.submodels.cases import Cases, Roles
 from pipeline.submodels.drive.experiments import axis_designs
 from pipeline.submodels.drive.feed_drive import identify_feed_drive
-from pipeline.submodels.drive.records import AxisRecord, DriveFitSettings, DrivePrior, DriveRecords
-from pipeline.submodels.drive.records import Recording
-from pipeline.submodels.drive.submodel import SUBMODEL, DriveLimits, Fitting, Judging, drive_case
-from pipeline.submodels.next_recording import by_design
+from pipeline.submodels.drive.records import (
+    AxisRecord,
+    DriveFitSettings,
+    DrivePrior,
+    DriveRecords,
+    Recording,
+)
+from pipeline.submodels.drive.submodel import Fitting, drive_case
 from tests.small_project import ROOT
 
 MACHINE, AXIS = "mill00", "Y"
@@ -45,13 +49,12 @@ def sections():
         "drive_records": section(f"{own}.drive_records", DriveRecords),
     }  # fmt: skip
     fitting = Fitting(**about, drive_fit=DriveFitSettings(compare=False))
-    judging = Judging(**about, drive_limits=DriveLimits())
-    return section(f"{own}.shop", ShopParameters), fitting, judging
+    return section(f"{own}.shop", ShopParameters), fitting
 
 
 def recorded(shop, command, name, *, trained):
     """A recording of the axis along a command [mm], as the servo's tool gives it."""
-    _, fitting, _ = sections()
+    _, fitting = sections()
     drives, random = shop.drives, shop.generator(name)
     shown = [c.values for c in axis_columns(AXIS, drives.axes[AXIS], command, drives.tool, random)]
     reference, position, current = shown
@@ -68,7 +71,7 @@ def recorded(shop, command, name, *, trained):
 
 def followed(shop, sentence):
     """Commands [mm] of the recordings that a sentence asks for, one a minute."""
-    letter, kind, speeds, longest, plateau, minutes = re.match(
+    letter, _, speeds, longest, plateau, minutes = re.match(
         r"move (\w) in air (.+?), at ([\d., e+-]+) mm/s, over (\d+) mm or (\d+) s at most, for "
         r"(\d+) minutes", sentence
     ).groups()  # fmt: skip
@@ -92,8 +95,8 @@ def followed(shop, sentence):
 
 
 def designed(shop, more=()):
-    """Design and model of a mill that made few strokes and some ``more`` recordings."""
-    _, fitting, judging = sections()
+    """Design of a mill that made few strokes and some ``more`` recordings."""
+    _, fitting = sections()
     limits = getattr(shop.control, AXIS.lower())
     frequency = shop.drives.axes[AXIS].cascade.position_frequency
     own = reciprocation(shop.drives.tool.speeds, limits.rapid / 60, limits.bounds,
@@ -125,10 +128,50 @@ def designed(shop, more=()):
         parameters={AXIS: parameters}, axes={AXIS: axis},
     )  # fmt: skip
     (design,) = axis_designs(model, trained, judged)
-    return design, model
+    return design
 
 
-def other_mill(seed):
-    """The mill with another noise, and friction and mass of its own."""
-    shop, _, _ = sections()
-    return replace(shop, seed=seed)
+EVERY = np.ones(9, bool)
+SEEDS = range(2)
+
+
+@pytest.mark.proof
+def test_strokes_that_are_proposed_determine_what_others_leave_open():
+    """What nothing determined: promised and reached half widths of static friction's part [N]."""
+    for seed in SEEDS:
+        shop = replace(sections()[0], seed=seed)
+        design = designed(shop)
+        best = by_design(design)[0]
+        assert (best.now, best.method) == (None, DETERMINES)
+        assert best.interval.startswith("Y static friction")
+        anew = designed(shop, followed(shop, best.record))
+        assert anew.determined.all()
+        place = design.names.index(best.interval)
+        reached = anew.half_widths[place]
+        sys.stdout.write(f"{seed} {best.interval}: {best.expected:.2f} {reached:.2f} N\n")
+        assert 1 / 1.5 < reached / best.expected < 1.5
+        fast = next(one for one in design.candidates if "fast to and fro" in one.record)
+        other = designed(shop, followed(shop, fast.record))
+        assert not other.determined[place]
+
+
+@pytest.mark.proof
+def test_forces_narrow_as_promised():
+    """Where strokes of a minute determine all nine: promised and reached force [N] by strokes."""
+    for seed in SEEDS:
+        shop = replace(sections()[0], seed=seed)
+        slow = followed(shop, by_design(designed(shop))[0].record)[:1]
+        design = designed(shop, slow)
+        assert design.determined.all()
+        now, ends = design.half_width(EVERY), []
+        for one in design.candidates:
+            promised = design.half_width(EVERY, one.rows)
+            anew = designed(shop, [*slow, *followed(shop, one.record)])
+            reached = replace(anew, judged=design.judged).half_width(EVERY)
+            ends.append((promised, reached))
+            sys.stdout.write(
+                f"{seed} {one.record[:44]:44} {now:.2f} {promised:.2f} {reached:.2f} N\n"
+            )
+            assert 1 / 1.5 < reached / promised < 1.5
+        best, worst = min(ends), max(ends)
+        assert best[1] <= worst[1] < now

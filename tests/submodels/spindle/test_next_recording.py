@@ -1,26 +1,33 @@
 """Duties that were proposed are run on the simulated mill, and intervals narrow as promised."""
 
+import json
 import re
 import sys
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from typer.testing import CliRunner
 
+from pipeline.app.commands import app
 from pipeline.parameters import structure
+from pipeline.schema.golden import Days
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.si import DAY
+from pipeline.schema.store import read_json
+from pipeline.schema.verdict import Verdict
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.schedule import Shop, working_day
 from pipeline.shop.sensors import air_of_day, ambient_temperature, new_machine, sensed_day
 from pipeline.shop.spindle import available_power
 from pipeline.shop.timeline import Timeline
 from pipeline.stages.compose import composed
+from pipeline.stages.identify import identify, judge
 from pipeline.submodels.cases import Case, Cases, Roles
-from pipeline.submodels.next_recording import by_design
+from pipeline.submodels.contract import Shown
 from pipeline.submodels.spindle.calibration import ForestSettings
 from pipeline.submodels.spindle.days import IntervalSettings, SpindleLimits
 from pipeline.submodels.spindle.fit import (
@@ -34,6 +41,9 @@ from pipeline.submodels.spindle.submodel import SUBMODEL, Fitting, Judging
 from pipeline.thermal.network import SOURCES
 from pipeline.twin.spindle import TARGET, SpindleRecords, spindle_stretches
 from tests.small_project import ROOT
+from tests.submodels.made_pages import made as page_made
+from tests.submodels.made_pages import tables
+from tests.submodels.spindle.test_submodel import records_of
 
 MACHINE = "mill00"
 EXTRA = 4
@@ -160,3 +170,66 @@ def promised_and_reached(folder, seed):
             replace(anew, rows=total).half_width(known),
         ))  # fmt: skip
     return rows
+
+
+SEEDS = range(1, 7)
+
+
+@pytest.mark.proof
+def test_intervals_narrow_on_the_simulated_mill_as_promised(tmp_path):
+    """Of six mills: promised and reached half width [K] of each duty, by the same fit."""
+    rows = [(seed, *row) for seed in SEEDS for row in promised_and_reached(tmp_path, seed)]
+    for seed, words, now, promised, reached in rows:
+        said = f"{seed} {words[:44]:44} {now:.3f} {promised:.3f} {reached:.3f} K\n"
+        sys.stdout.write(said)
+    ratio = np.array([reached / promised for *_, promised, reached in rows])
+    assert np.mean((ratio > 1 / 1.5) & (ratio < 1.5)) >= 0.9
+    assert 0.9 < np.median(ratio) < 1.2
+
+
+IDENTITY = MachineIdentity(name="mill", description="a mill", origin="simulated")
+
+
+def test_page_and_command_say_what_to_record_next(tmp_path, monkeypatch):
+    records = records_of(tmp_path / "clean")
+    folder = tmp_path / "data/models/mill/spindle"
+    roles = Roles(training_days=Days(first="2026-01-05", last="2026-01-07"))
+    about = {"identity": IDENTITY, "roles": roles, "spindle": SpindleRecords()}
+    fitting = Fitting(
+        **about, spindle_interval=IntervalSettings(folds=2),
+        spindle_fit=SpindleFitSettings(
+            nodes=(1,), time_constants_s=(1500.0,), step_s=60.0, compute="serial"
+        ),
+        residual_forest=ForestSettings(trees=2, depth=3, every_s=3600.0),
+    )  # fmt: skip
+    reads = {"manifest": records.manifest, "clean": records.clean}
+    identify(SUBMODEL, reads, folder, settings=fitting)
+    judging = Judging(**about, spindle_limits=SpindleLimits())
+    judge(SUBMODEL, reads, folder, tmp_path, tmp_path / "m.json", tmp_path / "plots",
+          settings=judging)  # fmt: skip
+    verdict = read_json(folder / "verdict.json", Verdict)
+    first = verdict.next_recordings[0]
+    assert first.unit == "K"
+    assert 0 < first.expected < first.now
+    assert first.gain_percent == pytest.approx(100 * (1 - first.expected / first.now), abs=0.5)
+
+    shown = Shown(
+        machine="mill", origin="simulated", model=read_json(folder / "model.json", SUBMODEL.model),
+        verdict=verdict, predictions=None, folder=folder,
+    )  # fmt: skip
+    rows = tables(page_made(SUBMODEL, shown))["What to record next"]
+    assert [row[0] for row in rows] == [one.record for one in verdict.next_recordings]
+    assert f"({first.gain_percent:g} % narrower)" in rows[0][2]
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "conf/machine").mkdir(parents=True)
+    (tmp_path / "conf/machine/mill.yaml").write_text("")
+    done = CliRunner().invoke(app, ["records", "-m", "mill", "--next", "--json", "next.json"])
+    assert done.exit_code == 0, done.output
+    assert f"spindle: {first.record}" in done.output
+    stored = json.loads((tmp_path / "next.json").read_text())
+    assert stored["spindle"][0]["gain_percent"] == first.gain_percent
+    (folder / "verdict.json").unlink()
+    failed = CliRunner().invoke(app, ["records", "-m", "mill", "--next"])
+    assert failed.exit_code == 2
+    assert "holds no verdict to go by" in failed.output
