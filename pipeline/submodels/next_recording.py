@@ -77,8 +77,8 @@ class Design:
     units: tuple[str, ...]
     """Units of the half widths; D."""
     half_widths: Floats
-    """Half of each stated 95 % interval; NaN where the parameter is not determined, 0 for a nuisance
-    whose prior stands among ``rows``; shape (D,)."""
+    """Half of each stated 95 % interval; NaN where the parameter is not determined, 0 for one of a
+    known spread that stands among ``rows``; shape (D,)."""
     floors: Floats
     """Part of them that no recording narrows; shape (D,)."""
     sizes: Floats

@@ -1,10 +1,15 @@
 """Cuts that were proposed are made on simulated mills, and the intervals narrow as promised."""
 
+import os
+import sys
 from dataclasses import replace
 from functools import cache, partial
+from multiprocessing import Pool
 
 import numpy as np
+import pytest
 import yaml
+from threadpoolctl import threadpool_limits
 
 import pipeline.shop.cutting.dynamometer as dynamometer
 from pipeline.parameters import structure
@@ -93,3 +98,20 @@ def promised_and_reached(folder, seed):
             (name, seed, design.half_width(every), promise, same.half_width(same.determined))
         )
     return rows
+
+
+SEEDS = tuple(map(int, os.environ.get("KERF_NEXT_SEEDS", "1000,1002").split(",")))
+
+
+@pytest.mark.proof
+def test_forces_narrow_on_simulated_mills_as_promised(tmp_path):
+    """Mean forces of the judged cuts [N]: half width now, promised and reached, best and worst."""
+    with threadpool_limits(1), Pool(2) as pool:
+        found = pool.map(partial(promised_and_reached, tmp_path), SEEDS, chunksize=1)
+    rows = [row for some in found for row in some]
+    assert len(rows) == 2 * len(SEEDS)
+    for name, seed, now, promised, reached in rows:
+        sys.stdout.write(f"{seed} {name}: {now:.2f} {promised:.2f} {reached:.2f} N\n")
+        if name == "best":
+            assert 1 / 1.5 < reached / promised < 1.5
+            assert reached < now

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
+import pytest
 import yaml
 
 from pipeline.parameters import structure
@@ -33,6 +34,7 @@ from pipeline.submodels.drive.records import (
     Recording,
 )
 from pipeline.submodels.drive.submodel import Fitting, drive_case
+from pipeline.submodels.next_recording import DETERMINES, by_design
 from tests.small_project import ROOT
 
 MACHINE, AXIS = "mill00", "Y"
