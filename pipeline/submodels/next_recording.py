@@ -36,7 +36,6 @@ from pipeline.schema.verdict import (
     significant,
     widening,
 )
-from pipeline.submodels.scoring import ALL
 from pipeline.submodels.statistics import NORMAL_95, student_quantile
 
 MINUTES = 20.0
@@ -133,7 +132,9 @@ class Design:
 
 def by_design(design: Design) -> list[NextRecording]:
     """Recordings of a design, the best first; empty where no parameter is determined."""
-    if not design.determined.any() or not len(design.judged) or not design.candidates:
+    tables = (design.rows, design.judged, *(one.rows for one in design.candidates))
+    known = design.determined & (design.half_widths != 0)
+    if not (known.any() and len(design.judged) and all(np.isfinite(t).all() for t in tables)):
         return []
     return _determining(design) or _narrowing(design)
 
@@ -167,17 +168,20 @@ def _narrowing(design: Design) -> list[NextRecording]:
         key=lambda pair: pair[0],
     )
     return [
-        _narrowed(one.record, one.minutes, design.interval, design.unit, now, half, OPTIMAL)
+        _narrowed(
+            one.record, design.interval, design.unit, now, half, method=OPTIMAL, minutes=one.minutes
+        )
         for half, one in after[:BEST]
     ]
 
 
 def _narrowed(
-    record: str, minutes: float, interval: str, unit: str, now: float, half: float, method: str,
+    record: str, interval: str, unit: str, now: float, half: float, *, method: str,
+    minutes: float = MINUTES,
 ) -> NextRecording:  # fmt: skip
     return NextRecording(
         record=record, minutes=minutes, interval=interval, unit=unit, now=significant(now, 3),
-        expected=significant(half, 3), gain_percent=round(100 * (1 - half / now), 1),
+        expected=significant(half, 3), gain_percent=round(100 * (1 - half / now), 1) if now > 0 else 0.0,
         method=method,
     )  # fmt: skip
 
@@ -222,7 +226,7 @@ def _covering(needs: str, verdict: Verdict) -> Iterator[NextRecording]:
     """The condition that narrows most what the judged cases have beyond the learnt ones."""
     judged = [one.case for one in verdict.cases if one.role == verdict.judged_role]
     outside = [one for one in verdict.outside if one.case in judged]
-    total = next((s for s in _deciding(verdict) if s.group == ALL and s.half_width), None)
+    total = next((s for s in _deciding(verdict) if s.group == "all" and s.half_width), None)
     if not outside or total is None or total.half_width is None:
         return
 
@@ -241,14 +245,14 @@ def _covering(needs: str, verdict: Verdict) -> Iterator[NextRecording]:
     value = far.value if isinstance(far.value, str) else f"{far.value:g}"
     yield _narrowed(
         f"{name} at {value} {far.unit}".strip() + f", learnt {far.learnt} alone: record {needs}",
-        MINUTES, f"mean 90 % interval of {total.quantity}", total.unit, total.half_width,
-        total.half_width * after(name) / now, COVERS,
+        f"mean 90 % interval of {total.quantity}", total.unit, total.half_width,
+        total.half_width * after(name) / now, method=COVERS,
     )  # fmt: skip
 
 
 def _of_groups(title: str, needs: str, model: Model, verdict: Verdict) -> Iterator[NextRecording]:
     """One more group like that of the greatest error."""
-    some = [s for s in _deciding(verdict) if s.group != ALL and s.rmse is not None]
+    some = [s for s in _deciding(verdict) if s.group != "all" and s.rmse is not None]
     some = [s for s in some if (s.quantity, s.regime) == (some[0].quantity, some[0].regime)]
     groups = len({one.group for one in model.trained_on})
     if len(some) < 2 or groups < 2:
@@ -265,7 +269,7 @@ def _of_groups(title: str, needs: str, model: Model, verdict: Verdict) -> Iterat
     said = "" if like is None else _conditions(like)
     yield _narrowed(
         f"one more like {worst.group}{said}, where the {title} is predicted worst: record {needs}",
-        MINUTES, f"mean RMSE of {worst.quantity}", worst.unit, now, half, GROUPS,
+        f"mean RMSE of {worst.quantity}", worst.unit, now, half, method=GROUPS,
     )  # fmt: skip
 
 

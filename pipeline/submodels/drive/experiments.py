@@ -71,7 +71,7 @@ def _design(letter: str, model: DriveModel, some: Regressors, others: Regressors
         ends = own["stribeck_velocity"].interval_95
         half += [
             _half(own["coulomb"]), float(np.hypot(_half(own["static"]), _half(own["coulomb"]))),
-            np.log(ends[1] / ends[0]) / 2 if ends else np.nan, _half(own["viscous"]),
+            np.log(ends[1] / max(ends[0], 1e-9)) / 2 if ends else np.nan, _half(own["viscous"]),
         ]  # fmt: skip
         floors += [SENSOR, SENSOR, 0.0, SENSOR]
         sizes += [friction.coulomb, _amplitude(friction), 1.0, friction.viscous]

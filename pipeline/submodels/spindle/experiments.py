@@ -70,7 +70,7 @@ def spindle_design(
         one = stated[name]
         low, high = one.interval_95 or (np.nan, np.nan)
         log = name in LOGARITHMIC
-        half.append(np.log(high / low) / 2 if log else (high - low) / 2)
+        half.append(np.log(high / max(low, 1e-12)) / 2 if log else (high - low) / 2)
         known = one.value if one.value else _plausible(name, duties, model)
         size.append(1.0 if log else max(abs(known), 1e-300))
     yield Design(
