@@ -179,10 +179,10 @@ def _narrowed(
     record: str, interval: str, unit: str, now: float, half: float, *, method: str,
     minutes: float = MINUTES,
 ) -> NextRecording:  # fmt: skip
+    gain = 1 - half / now if now > 0 else 0.0
     return NextRecording(
-        record=record, minutes=minutes, interval=interval, unit=unit, now=significant(now, 3),
-        expected=significant(half, 3), gain_percent=round(100 * (1 - half / now), 1) if now > 0 else 0.0,
-        method=method,
+        record=record, minutes=minutes, interval=interval, unit=unit, method=method,
+        now=significant(now, 3), expected=significant(half, 3), gain_percent=round(100 * gain, 1),
     )  # fmt: skip
 
 
