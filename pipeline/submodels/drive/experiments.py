@@ -29,8 +29,8 @@ PLATEAU_S, PAUSE_S = 2.0, 0.12
 """Time at constant speed of a stroke, at most a third of the axis' range long, and between [s]."""
 SHORT_M = 0.02
 """Length of a quick stroke [m]."""
-PARAMETERS = ("coulomb", "amplitude", "log_velocity", "viscous")
-"""Parameters of a direction."""
+LEAST_RATE = 0.01
+"""Least acceleration of a stroke [m/s^2]."""
 WORDS = ("Coulomb friction", "static friction beyond Coulomb's",
          "logarithm of Stribeck's velocity", "viscous friction")  # fmt: skip
 LOGGED = (
@@ -57,7 +57,10 @@ def _table(recordings: Sequence[Recording], letter: str, axis: DriveAxis) -> Reg
     ]
     if sum(int((one.known & one.moving).sum()) for one in motions) < 10 * len(LINEAR):
         return None
-    found = regressors(motions)
+    try:
+        found = regressors(motions)
+    except ValueError:  # too few rows are left
+        return None
     return found if len(found.force) else None
 
 
@@ -132,8 +135,9 @@ def _once(rows: Floats, stroke: Ints) -> Floats:
 
 def _candidates(letter: str, axis: DriveAxis, table: Regressors) -> Iterator[Candidate]:
     fastest = float(np.abs(table.velocity).max())
-    reach = float(np.ptp(table.position)) / 3
-    rate = float(np.percentile(np.abs(table.linear[:, table.names.index("mass")]), 99.9))
+    reach = max(float(np.ptp(table.position)) / 3, SHORT_M)
+    rates = np.abs(table.linear[:, table.names.index("mass")])
+    rate = max(float(np.percentile(rates, 99.9)), LEAST_RATE)
     stribeck = float(np.mean([one.stribeck_velocity for one in _directions(axis)]))
     slow = [share * stribeck for share in CREEP]
     every = np.geomspace(slow[0], fastest, 10).tolist()
