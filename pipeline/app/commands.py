@@ -386,12 +386,21 @@ def schema(
 @app.command(rich_help_panel=kerf.RECORDS)
 def records(
     machine: kerf.Machine,
+    helpful: Annotated[
+        bool, typer.Option("--next", help="Say what to record next for each sub-model instead.")
+    ] = False,
     json: kerf.Json = None,
 ) -> None:
     """Show what MACHINE's records hold, item by item, as the last `dvc repro` read them."""
-    from pipeline.app.records import lines, records_of
+    from pipeline.app.records import lines, next_lines, next_of, records_of
 
     with one_sentence(), outputs() as to:
+        if helpful:
+            found = next_of(machine)
+            to.json({name: [asdict(one) for one in some] for name, some in found.items()}, json)
+            for line in next_lines(found):
+                to.say(line)
+            return
         rows = records_of(machine)
         to.json([asdict(row) for row in rows], json)
         for line in lines(rows):

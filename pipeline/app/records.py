@@ -9,10 +9,13 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from pipeline.app.fleet import DATA, machine_parameters, outside_fleet
+from pipeline.app.fleet import DATA, check_machine, machine_parameters, outside_fleet
 from pipeline.app.output import aligned
+from pipeline.charts.judged import gain_words
 from pipeline.parameters import structure
 from pipeline.schema.arrays import Floats, Ints
+from pipeline.schema.store import read_json
+from pipeline.schema.verdict import NextRecording, Verdict
 from pipeline.signals.cleaning.settings import CleanMachine
 
 BARS = "▁▂▃▄▅▆▇█"
@@ -269,3 +272,24 @@ def _cells(row: ItemRecord) -> tuple[str, ...]:
         row.unit, f"{100 * row.unavailable:.0f} %",
         (row.first or "")[:16], (row.last or "")[:16], row.sparkline,
     )  # fmt: skip
+
+
+def next_of(machine: str) -> dict[str, tuple[NextRecording, ...]]:
+    """What would help each sub-model of a machine most, by its verdict: the best first."""
+    check_machine(machine)
+    paths = sorted((DATA / "models" / machine).glob("*/verdict.json"))
+    if not paths:
+        why = outside_fleet(machine) or "run `dvc repro` first"
+        raise ValueError(f"{DATA / 'models' / machine} holds no verdict to go by: {why}")
+    return {path.parent.name: read_json(path, Verdict).next_recordings for path in paths}
+
+
+def next_lines(found: Mapping[str, Sequence[NextRecording]]) -> Iterator[str]:
+    """For each sub-model the recording that helps most, the interval it narrows and the method."""
+    for name, some in found.items():
+        if not some:
+            yield f"{name}: no record would tell more, or none was judged: run `dvc repro`"
+            continue
+        one = some[0]
+        yield f"{name}: {one.record}"
+        yield f"    {one.minutes:g} min; {gain_words(one)}"

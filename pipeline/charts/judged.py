@@ -38,6 +38,7 @@ from pipeline.schema.model import LeftOut, Model
 from pipeline.schema.verdict import (
     Fact,
     JudgedCase,
+    NextRecording,
     OutsideConditions,
     Role,
     Score,
@@ -514,3 +515,22 @@ def training_table(model: Model, made: Sequence[Source]) -> Table | None:
         Column("file, or why not", lambda row: row[2]), Column("sha256", lambda row: code(row[3])),
     )  # fmt: skip
     return tabulated(caption, every, columns, made, most=MOST_ROWS, folded=True)
+
+
+def gain_words(one: NextRecording) -> str:
+    """Interval that a recording narrows, half of it now and after, and how that was computed."""
+    unit = "" if one.unit == "1" else f" {unit_of(one.unit)}"
+    now = "not determined now" if one.now is None else f"± {number(one.now)}{unit} now"
+    after = "" if one.expected is None else f", ± {number(one.expected)}{unit} after it"
+    gain = "" if one.gain_percent is None else f" ({one.gain_percent:g} % narrower)"
+    return f"{one.interval}: {now}{after}{gain}, by {one.method}"
+
+
+def next_table(some: Sequence[NextRecording], made: list[Source]) -> Table | None:
+    """What to record next: the recordings of the greatest gain."""
+    columns: tuple[Column[NextRecording], ...] = (
+        Column("Record", lambda one: one.record),
+        Column("time", lambda one: f"{one.minutes:g}", "min"),
+        Column("it narrows", gain_words),
+    )
+    return tabulated("What to record next", some, columns, made)

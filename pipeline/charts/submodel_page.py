@@ -270,7 +270,7 @@ def submodel_page(files: Files, subject: Subject, content: PageContent) -> SubMo
         actions=list(content.actions),
         sections=[
             one for one in (*content.first, frame.model_section(), frame.judged_section(),
-                            frame.files_section()) if one is not None
+                            frame.next_section(), frame.files_section()) if one is not None
         ],
         truth=[*([truth] if truth is not None else []), *content.truths],
         compared=frame.compared(),
@@ -563,6 +563,22 @@ class _Frame:
             judged.outside_table(v, made), judged.left_out_table(v, made),
         )  # fmt: skip
         return Section(key=key, title=title, text=[w for w in text if w], blocks=blocks)
+
+    def next_section(self) -> Section | None:
+        """What would help most: the recordings that narrow the deciding interval most."""
+        some = () if self.files.verdict is None else self.files.verdict.next_recordings
+        if not some:
+            return None
+        table = judged.next_table(some, self.made("model.json", "verdict.json"))
+        return Section(
+            key=f"{self.subject.name}-next", title=f"{self.name}: what to record next",
+            text=[
+                "The recordings of at most 20 minutes that narrow most the interval that decides, "
+                "the best first, with its half widths now and as expected with the recording among "
+                "the training records."
+            ],
+            blocks=present(table),
+        )  # fmt: skip
 
     def files_section(self) -> Section | None:
         """Files by hash that it was fitted on."""

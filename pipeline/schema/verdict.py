@@ -167,6 +167,28 @@ class Canary:
 
 
 @dataclass(frozen=True, kw_only=True)
+class NextRecording:
+    """A recording of at most twenty minutes, and how far it is expected to narrow an interval."""
+
+    record: str
+    """The recording in a sentence that an operator can follow."""
+    minutes: float
+    """Time that it takes [min]."""
+    interval: str
+    """Interval that decides, in words."""
+    unit: str
+    """Unit of its half widths."""
+    now: float | None
+    """Half of it by the records so far; None where they do not determine it."""
+    expected: float | None
+    """Half of it with the recording among the training records; None where nothing tells."""
+    gain_percent: float | None
+    """How much narrower that is [%]; None where one of both is not known."""
+    method: str
+    """How the gain was computed."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Verdict:
     """The content of ``verdict.json``."""
 
@@ -195,6 +217,8 @@ class Verdict:
     """Cases that were not compared, with the reason."""
     canaries: tuple[Canary, ...] = ()
     """Checks for what was predicted among the inputs; empty where there was nothing to check."""
+    next_recordings: tuple[NextRecording, ...] = ()
+    """What to record next, the recording of the greatest gain first."""
 
     def of(
         self, quantity: str, *, group: str | None = None, role: Role | None = None

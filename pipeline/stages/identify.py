@@ -1,6 +1,7 @@
 """Stages identify_<sub-model> and judge_<sub-model>, shared by all sub-models."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from pipeline.submodels.cases import Records, held_back
 from pipeline.submodels.contract import SubModel
 from pipeline.submodels.judge import judge as judged_on
 from pipeline.submodels.judge import metrics as key_figures
+from pipeline.submodels.next_recording import next_recordings
 
 
 def identify(
@@ -46,21 +48,25 @@ def judge(
     records = Records(**reads)
     sets = _frozen(golden, settings)
     model = read_json(folder / "model.json", submodel.model)
+    cases = submodel.cases(records, settings, sets)
     found = judged_on(
         model,
         submodel.load(folder, settings),
-        submodel.cases(records, settings, sets),
+        cases,
         submodel.targets(settings, model),
         sets=sets,
         files=records.files,
     )
-    write_json(found.verdict, folder / "verdict.json")
+    designs = submodel.designs(model, cases, settings)
+    proposed = next_recordings(submodel.title, submodel.needs, model, found.verdict, designs)
+    verdict = replace(found.verdict, next_recordings=proposed)
+    write_json(verdict, folder / "verdict.json")
     write_predictions(found.predictions, folder / "predictions.parquet")
     example = submodel.example(folder)
     write_json(served(example, submodel.answer(folder)(example)), folder / SERVED)
-    figures = key_figures(found.verdict) | dict(submodel.figures(model))
+    figures = key_figures(verdict) | dict(submodel.figures(model))
     write_json(figures, metrics)
-    write_plots(found.verdict, found.predictions, plots)
+    write_plots(verdict, found.predictions, plots)
 
 
 def _frozen(golden: Path | None, settings: Any) -> GoldenSets | None:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from pipeline.charts.submodel_page import PageContent
+    from pipeline.submodels.next_recording import Design
 
 Fit = TypeVar("Fit")
 Judging = TypeVar("Judging")
@@ -209,6 +210,13 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
 
     def alike(self, model: M) -> tuple[Any, ...]:
         """Values that machines must share beside their type for parameters to be pooled."""
+        return ()
+
+    def designs(self, model: M, cases: Cases, settings: Judging) -> "Sequence[Design]":
+        """Recordings that could be made, by what they would tell of the parameters.
+
+        None by default: :mod:`~pipeline.submodels.next_recording` goes by remedies and conditions.
+        """
         return ()
 
     def page(self, shown: "Shown[M]") -> "PageContent | None":

@@ -18,6 +18,7 @@ from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
 from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.cutting.experiments import cutting_design
 from pipeline.submodels.cutting.identify import cutting_model, identify_cutting_force
 from pipeline.submodels.cutting.model import ALIKE, restored
 from pipeline.submodels.cutting.predictions import ANGLES, ForcePredictor, force_targets
@@ -40,6 +41,7 @@ from pipeline.submodels.cutting.spindle_load.identify import (
     load_logs,
 )
 from pipeline.submodels.cutting.spread import force_levels, half_widths
+from pipeline.submodels.next_recording import Design
 
 LOG_NOTE = "a log of the spindle's load identifies the specific force and is not predicted"
 COLUMNS = {
@@ -220,6 +222,17 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
         slot = dict(zip(COLUMNS, (4000.0, 0.1, 1.0, 0.0, 180.0), strict=True))
         whole = [row for row in rows if None not in row.values()]
         return pd.DataFrame([whole[0] if whole else slot]).astype(float)
+
+    def designs(self, model: CuttingModel, cases: Cases, settings: Judging) -> list[Design]:
+        """Series of cuts, by the six coefficients."""
+        learnt = {one.case for one in model.trained_on}
+        frozen = cases.of("golden") or cases.of("held_out")
+        training, judged = (
+            [one.conditions for case in some
+             if isinstance(one := case.load(), CuttingRecording) and one.conditions is not None]
+            for some in ([case for case in cases.cases if case.name in learnt], frozen)
+        )  # fmt: skip
+        return list(cutting_design(model, training, judged))
 
     def page(self, shown: Shown[CuttingModel]) -> Any:
         """Coefficients, predicted revolutions and the power of the spindle."""

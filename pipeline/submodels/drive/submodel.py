@@ -40,6 +40,7 @@ from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Show
 from pipeline.submodels.drive import comparison
 from pipeline.submodels.drive.comparison import with_intervals
 from pipeline.submodels.drive.disturbance import PLACES, Disturbance
+from pipeline.submodels.drive.experiments import axis_designs
 from pipeline.submodels.drive.model import (
     DriveIdentification,
     axis_again,
@@ -63,6 +64,7 @@ from pipeline.submodels.drive.records import (
 )
 from pipeline.submodels.drive.shaft_signals import is_known, twist_frames
 from pipeline.submodels.drive.speed_loops import compared_loops, shaft_figures
+from pipeline.submodels.next_recording import Design
 from pipeline.twin.drive import IdentifiedDrive, identified_drive, identified_drives, speed_of
 from pipeline.twin.program_axes import between
 
@@ -237,6 +239,15 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         return lambda case: _predicted(
             case.load(), model, of_rest.get(case.name, {}) if BLOCK in case.name else drives
         )
+
+    def designs(self, model: DriveModel, cases: Cases, settings: Judging) -> list[Design]:
+        """Strokes of each axis, by its mass and friction."""
+        judged = cases.of("golden") or cases.of("held_out")
+        training, others = (
+            [one for case in some if (one := case.load()).axes]
+            for some in (cases.of("training"), judged)
+        )
+        return list(axis_designs(model, training, others))
 
     def figures(self, model: DriveModel) -> dict[str, Any]:
         """Parameters of shafts, and speed loops by kind and gains, for the metrics."""
