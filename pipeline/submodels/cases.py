@@ -107,6 +107,23 @@ class Cases:
         return tuple(case for case in self.cases if case.role in roles)
 
 
+def nights(cases: Cases) -> dict[str, tuple[Case, ...]]:
+    """Held-out cases that are days of the plant after the last training day, the oldest first.
+
+    Such cases are continuous records of 24 hours; there is none where a case is a recording.
+    Golden and sealed days are none either: a day that is looked at each night is learnt.
+    """
+    learnt = max((case.name for case in cases.of("training") if is_day(case.name)), default="")
+    days = {c.name for c in cases.of("held_out") if is_day(c.name) and c.name > learnt}
+    return {day: tuple(c for c in cases.of("held_out") if c.name == day) for day in sorted(days)}
+
+
+def newest_day(cases: Cases) -> tuple[Case, ...]:
+    """Cases of the newest 24 hours in :func:`nights`; empty where records are not continuous."""
+    found = nights(cases)
+    return found[max(found)] if found else ()
+
+
 def role_of(
     files: Sequence[str], roles: Roles, sets: GoldenSets | None = None, day: str = ""
 ) -> Role:
