@@ -14,6 +14,7 @@ __all__ = [
     "golden",
     "identity",
     "imports",
+    "ledger",
     "limits",
     "model",
     "part",

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from pipeline.charts.submodel_page import PageContent
+    from pipeline.schema.arrays import Floats
 
 Fit = TypeVar("Fit")
 Judging = TypeVar("Judging")
@@ -114,6 +115,9 @@ class Prediction:
 
 
 Predictor = Callable[[Case], Prediction]
+TEMPERATURE_RISE, VELOCITY, CUTTING_TIME = "temperature_rise", "velocity", "cutting_time"
+"""Influences that causes of errors go with: rise of a temperature [K], velocity [unit of the
+records], cutting time of the tool since it was changed [s]."""
 Ends = Mapping[tuple[str, str], tuple[str, str]]
 """Columns with the low and the high end of an interval, by quantity and regime."""
 
@@ -200,6 +204,10 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
 
     def figures(self, model: M) -> Mapping[str, Any]:
         """Further key figures for the metrics, by their names; none by default."""
+        return {}
+
+    def influences(self, case: Case, rows: "pd.DataFrame") -> "Mapping[str, Floats]":
+        """Influences beside ``rows`` of a quantity of a case's prediction, (T,) each, by name."""
         return {}
 
     def page(self, shown: "Shown[M]") -> "PageContent | None":
