@@ -6,7 +6,8 @@ looked at each night is learnt.
 """
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, timedelta
 from pathlib import Path
@@ -29,6 +30,10 @@ from pipeline.submodels.cases import Case, Cases, Records, nights
 from pipeline.submodels.contract import SubModel, sections, submodel
 from pipeline.submodels.judge import Judged, judge
 from pipeline.submodels.scoring import ALL, scored_rows
+
+IDENTIFICATION: Ask = "identification"
+TRAINING: Ask = "training"
+"""Work on a physical sub-model, and on one with a network that is trained."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,51 +77,64 @@ def score_nights(
             section: structure(values, section_path(values, section, champion.name), wanted)
             for section, wanted in sections(one.judging).items()
         })  # fmt: skip
-        model = read_json(folder / MODEL, one.model)
-        verdict = read_json(folder / VERDICT, Verdict)
-        allowed = budgets(one.targets(judging, model), verdict, settings)
-        serving = ServingModel(
-            one=one, folder=folder, judging=judging, model=model, verdict=verdict,
-            bundle=bundle.sha256 if bundle else "", sha256=held.sha256,
-            budgets={(name, b.target.quantity, b.target.regime): b for b in allowed},
+        serving = serving_model(
+            one, folder, judging, settings, bundle=bundle.sha256 if bundle else "",
+            sha256=held.sha256,
         )  # fmt: skip
-        found += _of_submodel(serving, records, sets, known, settings)
+        if serving.budgets:
+            cases = one.cases(records, judging, sets)
+            each = _nights(serving, cases, records, sets)
+            found += scored(serving, each, known, settings, cases.absent)
     return tuple(sorted(found, key=lambda night: night.night))
 
 
-def _of_submodel(
-    serving: ServingModel, records: Records, sets: GoldenSets | None, known: Sequence[Night],
-    settings: MonitoringSettings,
+def serving_model(
+    one: SubModel[Any, Any, Any], folder: Path, judging: Any, settings: MonitoringSettings, *,
+    bundle: str, sha256: str,
+) -> ServingModel:  # fmt: skip
+    """The sub-model in ``folder`` with its budgets; StoreError where a file is missing."""
+    model, verdict = read_json(folder / MODEL, one.model), read_json(folder / VERDICT, Verdict)
+    allowed = budgets(one.targets(judging, model), verdict, settings)
+    return ServingModel(
+        one=one, folder=folder, judging=judging, model=model, verdict=verdict, bundle=bundle,
+        sha256=sha256,
+        budgets={(one.name, b.target.quantity, b.target.regime): b for b in allowed},
+    )  # fmt: skip
+
+
+def scored(
+    serving: ServingModel, each: Iterable[tuple[str, tuple[Case, ...]]],
+    known: Sequence[Night], settings: MonitoringSettings,
+    absent: Mapping[str, Sequence[str]] | None = None,
 ) -> list[Night]:  # fmt: skip
-    """New nights of one sub-model, each decided after those before it."""
-    if not serving.budgets:
-        return []
-    name = serving.one.name
-    mine = [one for one in known if (one.submodel, one.model) == (name, serving.sha256)]
-    last = max((one.night for one in mine), default="")
-    held = {(one.night, one.records if one.night == last else "") for one in mine}
-    cases = serving.one.cases(records, serving.judging, sets)
-    predictor, work = None, ""
-    for night, group in _nights(serving, cases, records, sets):
-        digest = _digest(group)
-        if (night, digest if night == last else "") in held:
+    """Nights of one sub-model that ``known`` lacks, each decided after those before it.
+
+    ``each``: cases by night; the newest night in ``known`` is scored again where its files have
+    changed.  ``absent``: data items that no record has, see :class:`Cases`.
+    """
+    before = [one for one in known if one.target[0] == serving.one.name]
+    before = [one for one in before if one.model == serving.sha256]
+    last = max((one.night for one in before), default="")
+    held = {(one.night, one.records if one.night == last else "") for one in before}
+    found: list[Night] = []
+    predictor, work = None, IDENTIFICATION
+    for night, group in each:
+        if (night, _digest(group) if night == last else "") in held:
             continue
         if predictor is None:
             predictor = serving.one.load(serving.folder, serving.judging)
-            work = "training" if serving.one.curves(serving.folder) else "identification"
+            work = TRAINING if serving.one.curves(serving.folder) else IDENTIFICATION
         judged = judge(
             serving.model, predictor, Cases(cases=group),
             [budget.target for budget in serving.budgets.values()],
             sets=None, files={}, roles=("held_out",),
         )  # fmt: skip
-        scored = list(_scored(serving, night, group, judged, settings, cases.absent))
-        if scored:
-            far = changed(judged.verdict.outside, settings.beyond)
-            asked: Ask = "training" if work == "training" else "identification"
-            mine += decided(scored, mine, serving.budgets, settings, changed=far, work=asked)
-    return mine[
-        len([one for one in known if (one.submodel, one.model) == (name, serving.sha256)]) :
-    ]
+        rows = list(_rows(serving, night, group, judged, settings, absent or {}))
+        far = changed(judged.verdict.outside, settings.beyond)
+        found += decided(
+            rows, (*before, *found), serving.budgets, settings, changed=far, work=work
+        )  # fmt: skip
+    return found
 
 
 def _nights(
@@ -151,9 +169,11 @@ def _night_of(case: Case, records: Records) -> str:
 def _working_days(
     serving: ServingModel, learnt: str, cases: Cases, records: Records, sets: GoldenSets | None
 ) -> Iterator[str]:
-    """Days after training, before the newest of any record, on weekdays that were worked then."""
-    zone = zone_of(records.clean) if records.clean is not None else "UTC"
-    ends = [str(one["last"]) for one in records.files.values() if one.get("last")]
+    """Days after training, before the newest of the same sources, on weekdays worked then."""
+    zone, files = zone_of(records.clean) if records.clean is not None else "UTC", records.files
+    sources = {_source(one.file, files) for case in serving.model.trained_on for one in case.files}
+    ends = [str(one["last"]) for name, one in files.items()
+            if one.get("last") and _source(name, files) in sources]  # fmt: skip
     newest = max((day_of_text(end, zone) for end in ends), default="")
     frozen = [one.days for one in (sets.golden, sets.sealed) if one and one.days] if sets else []
     others = {case.name for case in cases.cases if case.role != "held_out"}
@@ -165,7 +185,12 @@ def _working_days(
         day += timedelta(days=1)
 
 
-def _scored(
+def _source(file: str, files: Mapping[str, Mapping[str, Any]]) -> tuple[str, str]:
+    """Folder of a raw file, digits apart, and its format: what one recorder writes."""
+    return re.sub(r"\d+", "#", file.rpartition("/")[0]), str(files.get(file, {}).get("format"))
+
+
+def _rows(
     serving: ServingModel, night: str, group: Sequence[Case], judged: Judged,
     settings: MonitoringSettings, absent: Mapping[str, Sequence[str]],
 ) -> Iterator[Night]:  # fmt: skip

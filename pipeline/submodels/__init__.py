@@ -16,6 +16,7 @@ __all__ = [
     "following_residual",
     "judge",
     "promotion",
+    "scoring",
     "spindle",
     "synthesis",
     "wear",
