@@ -23,7 +23,7 @@ MACHINE = "mill01"
 MONDAY, WEDNESDAY, THURSDAY = "2026-01-05", "2026-01-07", "2026-01-08"
 SUBMODELS = ("spindle", "control", "drive", "cutting")
 PATHS = ("data/raw", "data/signals", "data/clean", "data/truth", "data/golden", "data/models",
-         "data/champion", "data/programs", "data/parts", "data/trials",
+         "data/champion", "data/programs", "data/parts", "data/trials", "data/ledger",
          "data/metrics")  # fmt: skip
 
 

@@ -327,7 +327,8 @@ def write_report(out: Path) -> Path:
     report(
         signals=DATA / "signals", clean=DATA / "clean", models=DATA / "models",
         champion=DATA / "champion", golden=DATA / "golden", truth=DATA / "truth",
-        programs=DATA / "programs", parts=DATA / "parts", trials=DATA / "trials", reports=out,
+        programs=DATA / "programs", parts=DATA / "parts", trials=DATA / "trials",
+        ledger=DATA / "ledger", reports=out,
         metrics=out / "metrics.json", fleet=structure(values, "fleet", Fleet),
         budget=structure(values, "budget", str), pages=structure(values, "pages", ReportSettings),
     )  # fmt: skip

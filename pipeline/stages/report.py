@@ -23,6 +23,7 @@ def report(
     programs: Path,
     parts: Path,
     trials: Path,
+    ledger: Path,
     reports: Path,
     metrics: Path,
     *,
@@ -49,6 +50,7 @@ def report(
                 truth=truth / f"{name}.json" if simulated else None,
                 programs=programs / name,
                 parts=parts / name,
+                ledger=ledger / f"{name}.jsonl",
                 trial=trials / f"{name}.json" if name in fleet.trials else None,
                 corrected=trials / f"{name}_command_correction.json"
                 if name in fleet.trials
