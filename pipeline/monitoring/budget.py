@@ -26,7 +26,7 @@ class MonitoringSettings(Ranged, section="monitoring"):
     together than nights do."""
     reference_nights: Annotated[int, Range(least=1, most=366)] = 14
     """Nights that the errors at the judgement count as in the running mean of the test."""
-    beyond: Positive = 0.1
+    beyond: Positive = 0.5
     """Distance beyond the learnt range of a condition, over its width, from which a program counts
     as changed [1]."""
     least_records: Share = 0.25

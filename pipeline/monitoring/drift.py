@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from pipeline.monitoring.budget import Budget, MonitoringSettings
 from pipeline.monitoring.reasons import CAUSES, MEANINGS, REMEDIES, cause
-from pipeline.schema.ledger import Ask, Night, latest
+from pipeline.schema.ledger import Ask, Night, Reason, latest
 
 Target = tuple[str, str, str]
 """Sub-model, quantity and regime."""
@@ -49,27 +49,24 @@ def decided(
     budgets: Mapping[Target, Budget],
     settings: MonitoringSettings,
     *,
-    changed: str = "",
+    outside: str = "",
     work: Ask = "identification",
 ) -> list[Night]:
     """Targets of a night with what they ask for, after the nights ``before`` of the same model.
 
-    ``changed`` names the conditions beyond the learnt ones; ``work`` is what mends the model.
+    ``outside`` names the condition furthest beyond the learnt; ``work`` is what mends the model.
     """
     past = [one for one in latest(before) if one.night != nights[0].night]
     rules = [_rule(one, past, budgets, settings) for one in nights]
     if not any(rules):
         return list(nights)
-    reason, words = "", changed
-    if changed:
-        reason, words = "program changed", f"{changed}: record the new program first"
-    else:
-        quiet = [one for one in past if one.result == "within" and not one.ask]
-        reason = cause(nights, quiet)
-        words = "no single cause explains it"
-        if reason:
-            words = f"{MEANINGS[reason]}: {REMEDIES[reason]}"
-    known = CAUSES.get(reason, "program changed" if changed else "not known")
+    quiet = [one for one in past if one.result == "within" and not one.ask]
+    usual = max((one.beyond for one in quiet), default=0.0)
+    reason = "" if nights[0].beyond > max(settings.beyond, usual) else cause(nights, quiet)
+    known: Reason = CAUSES.get(reason, "not known")
+    words = f"{MEANINGS[reason]}: {REMEDIES[reason]}" if reason else "no single cause explains it"
+    if nights[0].beyond > max(settings.beyond, usual):
+        known, words = "program changed", f"{outside}: record the new program first"
     found = []
     for one, rule in zip(nights, rules, strict=True):
         if rule == MISSING:

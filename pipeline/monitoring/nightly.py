@@ -8,7 +8,7 @@ looked at each night is learnt.
 import hashlib
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date, timedelta
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ import numpy as np
 
 from pipeline.monitoring.budget import Budget, MonitoringSettings, budgets
 from pipeline.monitoring.drift import Target, decided
-from pipeline.monitoring.reasons import changed, parts_of
+from pipeline.monitoring.reasons import beyond, parts_of
 from pipeline.parameters import section_path, structure
 from pipeline.schema.bundle import MODEL, VERDICT, stored_bundle
 from pipeline.schema.days import day_of_text, is_day, zone_of
@@ -130,10 +130,11 @@ def scored(
             sets=None, files={}, roles=("held_out",),
         )  # fmt: skip
         rows = list(_rows(serving, night, group, judged, settings, absent or {}))
-        far = changed(judged.verdict.outside, settings.beyond)
+        far, words = beyond(judged.verdict.outside)
+        rows = [replace(one, beyond=far) for one in rows]
         found += decided(
-            rows, (*before, *found), serving.budgets, settings, changed=far, work=work
-        )  # fmt: skip
+            rows, (*before, *found), serving.budgets, settings, outside=words, work=work
+        )
     return found
 
 

@@ -96,27 +96,22 @@ def _stuck(measured: Floats, predicted: Floats) -> float:
     return size if float(np.std(moved)) > HALF * size else 0.0
 
 
-def changed(outside: Iterable[OutsideConditions], beyond: float) -> str:
-    """Conditions that lie beyond the learnt ranges by more than ``beyond`` of their width."""
-    far = [one for one in outside if widening(one) > 1 + beyond]
-    return "; ".join(
-        dict.fromkeys(
-            f"{one.condition} {one.value:.4g} {one.unit}, learnt {one.learnt}"
-            if not isinstance(one.value, str)
-            else f"{one.condition} {one.value}, learnt {one.learnt}"
-            for one in far
-        )
-    )
+def beyond(outside: Iterable[OutsideConditions]) -> tuple[float, str]:
+    """Greatest distance beyond a learnt range over its width [1], and that condition in words."""
+    far = max(outside, key=widening, default=None)
+    if far is None:
+        return 0.0, ""
+    value = far.value if isinstance(far.value, str) else f"{far.value:.4g} {far.unit}".rstrip()
+    return significant(widening(far) - 1), f"{far.condition} is {value}, learnt was {far.learnt}"
 
 
 def cause(nights: Sequence[Night], quiet: Iterable[Night]) -> str:
-    """The part of the residual that rose most over the quiet nights; empty where none explains it.
+    """The part that explains most of the residual, of those that rose over the quiet nights.
 
-    ``nights`` are the targets of one night, of which the part that explains the largest share of
-    its target's rise decides.
+    ``nights`` are the targets of one night; empty where no part explains enough of a rise.
     """
     before = list(quiet)
-    best, explained = "", LEAST_EXPLAINED
+    best, explained = "", 0.0
     for night in nights:
         usual = [one for one in before if one.target == night.target]
         if night.rmse is None:
@@ -124,8 +119,8 @@ def cause(nights: Sequence[Night], quiet: Iterable[Night]) -> str:
         rise = night.rmse**2 - _median([(one.rmse or 0.0) ** 2 for one in usual])
         for name, part in night.parts.items():
             own = part**2 - _median([one.parts.get(name, 0.0) ** 2 for one in usual])
-            if rise > 0 and own / rise > explained:
-                best, explained = name, own / rise
+            if own > LEAST_EXPLAINED * rise > 0 and part**2 / night.rmse**2 > explained:
+                best, explained = name, part**2 / night.rmse**2
     return best
 
 

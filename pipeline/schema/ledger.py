@@ -52,6 +52,8 @@ class Night:
     """Greatest error over its budget [1]."""
     parts: Mapping[str, float] = field(default_factory=dict)
     """Part of the residual that goes with each cause, with its sign [unit]."""
+    beyond: float = 0.0
+    """Distance of its conditions beyond the learnt ranges, over their width [1]."""
     result: Result
     rule: str = ""
     """Rule that asks, in words; empty where none does."""
