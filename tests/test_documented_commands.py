@@ -28,7 +28,7 @@ RECORDS = "reads records that the user has"
 ELSEWHERE = {
     "thermal-growth": MODELS, "fleet": "names the user's own fleet", "golden": RECORDS,
     "ingest": RECORDS, "machine new": RECORDS, "optimise": MINUTES, "predict": MODELS,
-    "promote": MODELS, "records": RECORDS, "report": "draws what the pipeline built",
+    "nightly": MODELS, "promote": MODELS, "records": RECORDS, "report": "draws what the pipeline built",
     "simulate --corrected": MODELS, "synthesise": MODELS, "transfer": MODELS, "wear": MODELS,
 }  # fmt: skip
 """Why the others do not run here."""
