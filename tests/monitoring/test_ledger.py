@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from pipeline.app import commands
+import pipeline.app.commands  # noqa: F401, its commands
+from pipeline.app.kerf import app
 from pipeline.monitoring.budget import MonitoringSettings
 from pipeline.parameters import read_yaml
 from pipeline.schema.bundle import bundle_of, copy_bundle
@@ -50,7 +51,7 @@ def ready(root: Path, hot_from: str = "", sealed: bool = False) -> Path:
 
 def nightly(root: Path, *words: str) -> tuple[int, str]:
     with inside(root):
-        done = CliRunner().invoke(commands.app, ["nightly", "--machine", MACHINE, *words])
+        done = CliRunner().invoke(app, ["nightly", "--machine", MACHINE, *words])
     return done.exit_code, done.output
 
 
