@@ -16,7 +16,7 @@ Target = tuple[str, str, str]
 """Sub-model, quantity and regime."""
 TWICE, RISES, MISSING = (
     "over the error budget on two nights running",
-    "the error rises and will exceed the budget",
+    "the error rises far above that of the judgement",
     "records are missing on two nights running",
 )
 """Rules in words."""

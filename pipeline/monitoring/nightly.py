@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date, timedelta
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,8 @@ from pipeline.submodels.contract import SubModel, sections, submodel
 from pipeline.submodels.judge import Judged, judge
 from pipeline.submodels.scoring import ALL, scored_rows
 
+MOST_APART_DAYS = 8
+"""Days from a record to the next between which the recording goes on: a week that lacks all."""
 IDENTIFICATION: Ask = "identification"
 TRAINING: Ask = "training"
 """Work on a physical sub-model, and on one with a network that is trained."""
@@ -170,20 +173,25 @@ def _night_of(case: Case, records: Records) -> str:
 def _working_days(
     serving: ServingModel, learnt: str, cases: Cases, records: Records, sets: GoldenSets | None
 ) -> Iterator[str]:
-    """Days after training, before the newest of the same sources, on weekdays worked then."""
+    """Weekdays worked in training that lack a case in the midst of records, and are not frozen.
+
+    Records in their midst are of the same recorders and at most :data:`MOST_APART_DAYS` apart:
+    beyond that recording was stopped.
+    """
     zone, files = zone_of(records.clean) if records.clean is not None else "UTC", records.files
     sources = {_source(one.file, files) for case in serving.model.trained_on for one in case.files}
-    ends = [str(one["last"]) for name, one in files.items()
-            if one.get("last") and _source(name, files) in sources]  # fmt: skip
-    newest = max((day_of_text(end, zone) for end in ends), default="")
+    known = {case.name for case in cases.cases}
+    ends = {day_of_text(str(one["last"]), zone) for name, one in files.items()
+            if one.get("last") and _source(name, files) in sources}  # fmt: skip
     frozen = [one.days for one in (sets.golden, sets.sealed) if one and one.days] if sets else []
-    others = {case.name for case in cases.cases if case.role != "held_out"}
-    day = date.fromisoformat(learnt) + timedelta(days=1) if learnt else date.max
-    while str(day) < newest:
-        judged = str(day) in others or any(str(day) in span for span in frozen)
-        if serving.works_on(day) and not judged:
-            yield str(day)
-        day += timedelta(days=1)
+    recorded = sorted(date.fromisoformat(day) for day in known | ends if day >= learnt)
+    for before, after in pairwise(recorded):
+        apart = (after - before).days
+        for day in (before + timedelta(days=k) for k in range(apart)):
+            judged = str(day) in known or any(str(day) in span for span in frozen)
+            lost = not judged and apart <= MOST_APART_DAYS and str(day) > learnt
+            if lost and serving.works_on(day):
+                yield str(day)
 
 
 def _source(file: str, files: Mapping[str, Mapping[str, Any]]) -> tuple[str, str]:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from pipeline.charts.numbers import NARROW
 from pipeline.charts.sections import Action, Role, Section, present
 from pipeline.charts.tables import Cell, Column, sources, tabulated
 from pipeline.report.facts import NOW, ActionRow, MachineFacts
@@ -69,8 +70,12 @@ def _sentences(facts: MachineFacts, lines: list[Line], say: Texts) -> Iterator[s
     elif not open_:
         most = max((line.spent or 0.0 for line in lines), default=0.0)
         newest = max((line.nights[-1] for line in lines), key=lambda one: one.night)
-        yield say("drift.quiet", night=_night(newest, say), spent=say.percent(most, 1.0),
+        yield say("drift.quiet", night=_night(newest, say), spent=_percent(most, say),
                   nights=PERIOD_NIGHTS)  # fmt: skip
+
+
+def _percent(share: float | None, say: Texts) -> str:
+    return "–" if share is None else f"{say.number(round(100 * share), 3)}{NARROW}%"
 
 
 def _work(one: Night, say: Texts) -> str:
@@ -105,10 +110,7 @@ def _lines(facts: MachineFacts, say: Texts) -> list[Line]:
 
 def _columns(say: Texts) -> tuple[Column[Line], ...]:
     def shares(line: Line) -> str:
-        return " · ".join(
-            say.percent(one.share, 1.0) if one.share is not None else "–"
-            for one in line.nights[-SHOWN:]
-        )
+        return " · ".join(_percent(one.share, say) for one in line.nights[-SHOWN:])
 
     return (
         Column(say("drift.quantity"), lambda line: line.title),
@@ -116,7 +118,7 @@ def _columns(say: Texts) -> tuple[Column[Line], ...]:
         Column(say("drift.shares"), shares),
         Column(
             say("drift.spent", nights=PERIOD_NIGHTS),
-            lambda line: "–" if line.spent is None else say.percent(line.spent, 1.0), "",
+            lambda line: _percent(line.spent, say), "",
         ),
         Column(
             say("drift.result"),

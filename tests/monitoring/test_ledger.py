@@ -72,10 +72,20 @@ def test_frozen_and_training_days_are_never_scored_and_a_night_is_scored_once(
     found = read_ledger(ledger(root))
     assert NIGHTS[0] == SEALED
     assert sorted({one.night for one in found if one.n}) == list(NIGHTS[1:])
-    missing = [one.night for one in found if one.result == "no records"]
-    assert missing == ["2026-01-12"], "the only Monday, which was worked in training, without a day"
     before = ledger(root).read_bytes()
     assert nightly(root)[0] == 0 and ledger(root).read_bytes() == before
+
+
+def test_a_lost_working_day_is_named_and_a_stop_of_the_recording_is_not(root: Path) -> None:
+    """The machine was learnt on a Monday: the 26th is lost, and the 12th lies in a stop."""
+    (root / f"data/clean/{MACHINE}/state/{NIGHTS[0]}.parquet").unlink()
+    manifest = root / f"data/signals/{MACHINE}/manifest.json"
+    files = json.loads(manifest.read_text())["files"]
+    del files[source(NIGHTS[0]).file]
+    manifest.write_text(json.dumps({"files": files}))
+    assert nightly(root)[0] == 0
+    found = read_ledger(ledger(root))
+    assert [one.night for one in found if one.result == "no records"] == [NIGHTS[0]]
 
 
 def test_night_by_night_gives_the_bytes_of_all_at_once(root: Path) -> None:
