@@ -106,12 +106,12 @@ def beyond(outside: Iterable[OutsideConditions]) -> tuple[float, str]:
 
 
 def cause(nights: Sequence[Night], quiet: Iterable[Night]) -> str:
-    """The part that explains most of the residual, of those that rose over the quiet nights.
+    """The part that explains most of the residuals, of those that rose over the quiet nights.
 
-    ``nights`` are the targets of one night; empty where no part explains enough of a rise.
+    ``nights`` are the targets of one night, of which the explained shares are summed; empty where
+    no part explains enough of a rise.
     """
-    before = list(quiet)
-    best, explained = "", 0.0
+    before, explained = list(quiet), dict[str, float]()
     for night in nights:
         usual = [one for one in before if one.target == night.target]
         if night.rmse is None:
@@ -119,9 +119,9 @@ def cause(nights: Sequence[Night], quiet: Iterable[Night]) -> str:
         rise = night.rmse**2 - _median([(one.rmse or 0.0) ** 2 for one in usual])
         for name, part in night.parts.items():
             own = part**2 - _median([one.parts.get(name, 0.0) ** 2 for one in usual])
-            if own > LEAST_EXPLAINED * rise > 0 and part**2 / night.rmse**2 > explained:
-                best, explained = name, part**2 / night.rmse**2
-    return best
+            if own > LEAST_EXPLAINED * rise > 0:
+                explained[name] = explained.get(name, 0.0) + part**2 / night.rmse**2
+    return max(explained, key=lambda name: explained[name], default="")
 
 
 def _median(values: Sequence[float]) -> float:

@@ -7,7 +7,7 @@ computes the same bits on every x86-64 processor of the last ten years.
 
 import os
 
-__all__ = ["compose", "correct_programs", "optimise", "report", "sections"]
+__all__ = ["compose", "correct_programs", "nightly", "optimise", "report", "sections"]
 
 SAME_BITS = {
     "OMP_NUM_THREADS": "1",  # the same sums in the same order; narrow matrices gain three times
