@@ -20,6 +20,8 @@ TWICE, RISES, MISSING = (
     "records are missing on two nights running",
 )
 """Rules in words."""
+POOLED = 4
+"""Nights of a fault, the present one and the last that asked, whose residuals name its cause."""
 AGAIN: Mapping[str, str] = {
     "identification": "identify it anew on records of these nights",
     "training": "train it again on records of these nights",
@@ -62,7 +64,9 @@ def decided(
         return list(nights)
     quiet = [one for one in past if one.result == "within" and not one.ask]
     usual = max((one.beyond for one in quiet), default=0.0)
-    reason = "" if nights[0].beyond > max(settings.beyond, usual) else cause(nights, quiet)
+    asked = list(dict.fromkeys(one.night for one in past if one.ask))[1 - POOLED :]
+    fault = [*nights, *(one for one in past if one.night in asked)]
+    reason = "" if nights[0].beyond > max(settings.beyond, usual) else cause(fault, quiet)
     known: Reason = CAUSES.get(reason, "not known")
     words = f"{MEANINGS[reason]}: {REMEDIES[reason]}" if reason else "no single cause explains it"
     if nights[0].beyond > max(settings.beyond, usual):

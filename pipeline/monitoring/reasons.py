@@ -108,8 +108,8 @@ def beyond(outside: Iterable[OutsideConditions]) -> tuple[float, str]:
 def cause(nights: Sequence[Night], quiet: Iterable[Night]) -> str:
     """The part that explains most of the residuals, of those that rose over the quiet nights.
 
-    ``nights`` are the targets of one night, of which the explained shares are summed; empty where
-    no part explains enough of a rise.
+    ``nights`` are the targets of the nights of a fault, over which the explained shares are summed;
+    empty where no part explains enough of a rise.
     """
     before, explained = list(quiet), dict[str, float]()
     for night in nights:
