@@ -39,6 +39,8 @@ ARROWS: dict[str, set[str]] = {
         "charts", "fleet", "signals.columns", "submodels.cases", "submodels.contract",
         "submodels.judge", "submodels.siblings",
     },
+    "monitoring": {"submodels.cases", "submodels.contract", "submodels.judge",
+                   "submodels.scoring", "parameters"},
     "serving": set(),
     "registry": {"charts", "submodels.contract", "submodels.judge"},
     "champions": {"registry", "submodels", "fleet", "parameters"},
@@ -59,6 +61,7 @@ ONLY: dict[str, set[str]] = {
     "torch": {"nets"},
     "typer": {"app"},
     "cattrs": {"schema"},
+    "river": {"monitoring"},
 }
 """Library -> the rooms (or the one file) that may import it."""
 

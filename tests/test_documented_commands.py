@@ -34,6 +34,7 @@ ELSEWHERE = {
     "records": RECORDS, "report": "draws what the pipeline built",
     "simulate --corrected": MODELS, "synthesise": MODELS, "transfer": MODELS,
     "verify": "reads pages that the pipeline built", "wear": MODELS,
+    "nightly": MODELS,
 }  # fmt: skip
 """Why the others do not run here."""
 

@@ -218,6 +218,24 @@ def golden(
 
 
 @app.command(rich_help_panel=kerf.MODELS)
+def nightly(
+    machine: kerf.Machine,
+    json: kerf.Json = None,
+) -> None:
+    """Score MACHINE's champion on the nights that it has not seen; exit status 3 where one asks."""
+    from pipeline.app.nightly import ASKS, QUIET, lines, score
+    from pipeline.schema.ledger import asks
+
+    with one_sentence(), outputs() as to:
+        to.ready(json)
+        nights = score(machine)
+        to.json([asdict(one) for one in nights], json)
+        for line in lines(nights):
+            to.say(line)
+    raise typer.Exit(ASKS if asks(nights) else QUIET)
+
+
+@app.command(rich_help_panel=kerf.MODELS)
 def predict(
     machine: kerf.Machine,
     submodel: Annotated[str, typer.Argument(help="Sub-model, as `kerf status` lists them.")],

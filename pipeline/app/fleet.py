@@ -337,7 +337,7 @@ def write_report(out: Path) -> Path:
         signals=DATA / "signals", clean=DATA / "clean", models=DATA / "models",
         champion=DATA / "champion", golden=DATA / "golden", truth=DATA / "truth",
         programs=DATA / "programs", parts=DATA / "parts", trials=DATA / "trials",
-        history=DATA / "history", settings=SETTINGS / HASHES, reports=out,
+        history=DATA / "history", ledger=DATA / "ledger", settings=SETTINGS / HASHES, reports=out,
         metrics=out / "metrics.json", fleet=structure(values, "fleet", Fleet),
         budget=structure(values, "budget", str), pages=structure(values, "pages", ReportSettings),
     )  # fmt: skip

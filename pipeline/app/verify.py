@@ -177,7 +177,7 @@ def _report(reports: Path) -> Mapping[str, str]:
     values = read_params()
     fleet = structure(values, "fleet", Fleet)
     folders = [DATA / name for name in ("signals", "clean", "models", "champion", "golden", "truth",
-                                        "programs", "parts", "trials", "history")]  # fmt: skip
+                                        "programs", "parts", "trials", "history", "ledger")]  # fmt: skip
     machines = machines_of([*folders, SETTINGS / HASHES], fleet)
     language = structure(values, "pages", ReportSettings).language
     info = info_of(fleet, structure(values, "budget", str))

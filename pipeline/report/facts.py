@@ -21,9 +21,11 @@ from pipeline.report.texts import Texts
 from pipeline.report.work import Work, work
 from pipeline.schema.bundle import BUNDLE, Bundle, model_hash
 from pipeline.schema.golden import Days, GoldenSets
+from pipeline.schema.ledger import Night, read_ledger
 from pipeline.schema.model import Model
 from pipeline.schema.program_cut import AS_WRITTEN, CutProgram
 from pipeline.schema.si import DAY
+from pipeline.schema.store import StoreError
 from pipeline.schema.verdict import Verdict
 from pipeline.submodels.contract import Shown, submodel
 from pipeline.submodels.siblings import siblings_section
@@ -258,6 +260,8 @@ class MachineFacts:
     day_uses: Mapping[str, str] = field(default_factory=dict)
     absent: Mapping[str, list[str]] = field(default_factory=dict)
     logged: tuple[str, ...] = ()
+    nights: tuple[Night, ...] = ()
+    """Nights on which what serves was scored."""
     written: Mapping[str, Program] = field(default_factory=dict)
     """Programs as written with their cut, by the label of their optimisation."""
 
@@ -341,7 +345,18 @@ def machine_facts(folders: MachineFolders) -> MachineFacts:
         day_uses=_day_uses(models, golden),
         absent=absent_items(folders, shelf),
         logged=logged_signals(folders),
+        nights=_nights(folders, shelf),
     )
+
+
+def _nights(folders: MachineFolders, shelf: SourceRegistry) -> tuple[Night, ...]:
+    if folders.ledger is None:
+        return ()
+    try:
+        return read_ledger(folders.ledger)
+    except StoreError as error:
+        shelf.broken[shown(folders.ledger)] = str(error)
+        return ()
 
 
 def written_programs(

@@ -39,6 +39,8 @@ class MachineFolders:
     """Folder ``data/parts/<machine>`` of optimised programs; may be absent."""
     trial: Path | None = None
     """JSON of what the simulated shop floor made of them; None where none was cut."""
+    ledger: Path | None = None
+    """JSON lines ``data/ledger/<machine>.jsonl`` of the nights of what serves; may be absent."""
     corrected: Path | None = None
     """JSON of corrected commands driven on the simulated shop floor; None where none were."""
     settings: Path | None = None

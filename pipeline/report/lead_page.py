@@ -8,6 +8,7 @@ from pipeline.charts.sections import Section, present
 from pipeline.charts.tables import Cell, Column, Table, sources, tabulated
 from pipeline.report.alarms import lead_alarms
 from pipeline.report.changes import Change, columns
+from pipeline.report.drift import drift_section
 from pipeline.report.evidence import EvidencePage
 from pipeline.report.facts import MachineFacts, MachineVerdict
 from pipeline.report.folders import MachineFolders, evidence_page
@@ -33,7 +34,7 @@ class LeadPage:
     scorecard: list[Line]
     """Trust in the twin, by sub-model."""
     sections: list[Section] = field(default_factory=list)
-    """Changes, alarms, time, last records."""
+    """Drift, alarms, changes, time, last records."""
     pages: list[tuple[str, str]] = field(default_factory=list)
     """File and title, in English, of each page of evidence."""
     most_actions: int = MOST_ACTIONS
@@ -46,6 +47,7 @@ def lead_page(
     """The lead's page of one machine; ``since`` names the report that changes are held against."""
     name = facts.folders.name
     sections = [
+        drift_section(facts, say),
         lead_alarms(facts.alarms, say),
         _changes(changes, why_none, since, say),
         _time(facts, say),

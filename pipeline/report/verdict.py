@@ -9,6 +9,7 @@ from typing import get_args
 
 from pipeline.charts.sections import Action, PartVerdict, Role
 from pipeline.charts.sources import shown
+from pipeline.report.drift import drift_actions
 from pipeline.report.facts import (
     NOW,
     ActionRow,
@@ -45,7 +46,8 @@ def machine_actions(
     that is ``trusted`` as a whole optimised programs are proposed.
     """
     rows = [
-        *_alarms(facts, say), *_sensors(facts, say), *_of_submodels(facts, say),
+        *_alarms(facts, say), *_sensors(facts, say), *drift_actions(facts, say),
+        *_of_submodels(facts, say),
         *_records(facts, grave, say), *_models(facts, say), *_programs(facts, trusted, say),
     ]  # fmt: skip
     rows.sort(key=lambda row: (row.action.until != NOW, ORDER.index(row.action.who)))

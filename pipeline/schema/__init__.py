@@ -16,6 +16,7 @@ __all__ = [
     "history",
     "identity",
     "imports",
+    "ledger",
     "limits",
     "model",
     "part",

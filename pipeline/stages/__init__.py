@@ -9,6 +9,6 @@ import os
 
 from pipeline.parallel import SAME_BITS
 
-__all__ = ["__main__", "compose", "correct_programs", "optimise", "report", "sections"]
+__all__ = ["__main__", "compose", "correct_programs", "nightly", "optimise", "report", "sections"]
 
 os.environ.update(SAME_BITS)

@@ -28,6 +28,7 @@ def report(
     parts: Path,
     trials: Path,
     history: Path,
+    ledger: Path,
     settings: Path,
     reports: Path,
     metrics: Path,
@@ -38,7 +39,7 @@ def report(
 ) -> None:
     """Write a page for the fleet and for each machine, with key figures and metrics."""
     folders = (signals, clean, models, champion, golden, truth, programs, parts, trials, history,
-               settings)  # fmt: skip
+               ledger, settings)  # fmt: skip
     machines, info = machines_of(folders, fleet), info_of(fleet, budget)
     written = write_report(machines, info, reports, reports, metrics, say=texts(pages.language))
     kept = {path for page in written for path in (page, record_of(page))}
@@ -49,7 +50,7 @@ def report(
 def machines_of(folders: Sequence[Path], fleet: Fleet) -> list[MachineFolders]:
     """Folders of each machine of a fleet, from those that stage ``report`` reads, in its order."""
     signals, clean, models, champion, golden, truth, programs, parts, trials, *others = folders
-    history, settings = others
+    history, ledger, settings = others
     machines = []
     identities = {name: _identity(signals / name / "manifest.json") for name in fleet.machines}
     for name, identity in identities.items():
@@ -69,6 +70,7 @@ def machines_of(folders: Sequence[Path], fleet: Fleet) -> list[MachineFolders]:
                 programs=programs / name,
                 parts=parts / name,
                 history=history / f"{name}.jsonl",
+                ledger=ledger / f"{name}.jsonl",
                 trial=trials / f"{name}.json" if name in fleet.trials else None,
                 corrected=trials / f"{name}_command_correction.json"
                 if name in fleet.trials

@@ -18,6 +18,7 @@ __all__ = [
     "judge",
     "next_recording",
     "promotion",
+    "scoring",
     "siblings",
     "spindle",
     "synthesis",

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from pipeline.charts.submodel_page import PageContent
+    from pipeline.schema.arrays import Floats
     from pipeline.submodels.next_recording import Design
 
 Fit = TypeVar("Fit")
@@ -115,6 +116,9 @@ class Prediction:
 
 
 Predictor = Callable[[Case], Prediction]
+TEMPERATURE_RISE, VELOCITY, CUTTING_TIME = "temperature_rise", "velocity", "cutting_time"
+"""Influences that causes of errors go with: rise of a temperature [K], velocity [unit of the
+records], cutting time of the tool since it was changed [s]."""
 Ends = Mapping[tuple[str, str], tuple[str, str]]
 """Columns with the low and the high end of an interval, by quantity and regime."""
 
@@ -218,6 +222,10 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
         None by default: :mod:`~pipeline.submodels.next_recording` goes by remedies and conditions.
         """
         return ()
+
+    def influences(self, case: Case, rows: "pd.DataFrame") -> "Mapping[str, Floats]":
+        """Influences beside ``rows`` of a quantity of a case's prediction, (T,) each, by name."""
+        return {}
 
     def page(self, shown: "Shown[M]") -> "PageContent | None":
         """Page content that only this sub-model has; its files give the rest of its page."""

@@ -117,7 +117,7 @@ def test_a_fit_and_its_verdict_depend_on_what_is_frozen_of_their_machine(name: s
     assert "data/golden" not in paths(stage.get("deps", [])), "a set of another machine"
 
 
-FOR_ALL = ("ingest", "clean", "index", "champion")
+FOR_ALL = ("ingest", "clean", "index", "champion", "nightly")
 """Stages of every machine, whatever it has records for."""
 
 

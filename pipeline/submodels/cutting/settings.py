@@ -204,7 +204,7 @@ Immersion = Literal["slot", "up", "down"]
 CONDITION_UNITS: Mapping[str, str | None] = {
     "speed_rpm": "rev/min", "feed_mm_min": "mm/min", "feed_per_tooth_mm": "mm",
     "axial_depth_mm": "mm", "radial_depth_mm": "mm", "immersion": None, "entry_deg": "deg",
-    "exit_deg": "deg",
+    "exit_deg": "deg", "cutting_time_min": "min",
 }  # fmt: skip
 """Fields of :class:`StatedConditions` with their units; None for a word."""
 
@@ -225,6 +225,9 @@ class StatedConditions:
     exit_deg: float | None = None
     """Entry and exit angle of the teeth (:mod:`pipeline.cutting.engagement.engagement`) [deg], in
     place of immersion and radial depth."""
+    cutting_time_min: float | None = None
+    """Time that the tool had cut since it was changed [min]; tells wear from other causes of an
+    error."""
 
     @property
     def present(self) -> dict[str, float | str]:

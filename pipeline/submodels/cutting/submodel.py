@@ -17,7 +17,16 @@ from pipeline.schema.si import MM
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
-from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import (
+    CUTTING_TIME,
+    Ends,
+    Input,
+    Prediction,
+    Predictor,
+    Shown,
+    SubModel,
+    Target,
+)
 from pipeline.submodels.cutting.experiments import cutting_design
 from pipeline.submodels.cutting.identify import cutting_model, identify_cutting_force
 from pipeline.submodels.cutting.model import ALIKE, restored
@@ -233,6 +242,12 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
             for some in ([case for case in cases.cases if case.name in learnt], frozen)
         )  # fmt: skip
         return list(cutting_design(model, training, judged))
+
+    def influences(self, case: Case, rows: pd.DataFrame) -> dict[str, Any]:
+        """Time that the tool had cut before the recording, where that is stated."""
+        file = getattr(case.load(), "file", None)
+        used = None if file is None else file.conditions.get("cutting_time_min")
+        return {} if used is None else {CUTTING_TIME: np.full(len(rows), used.to("s"))}
 
     def page(self, shown: Shown[CuttingModel]) -> Any:
         """Coefficients, predicted revolutions and the power of the spindle."""

@@ -36,7 +36,16 @@ from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role, widest
 from pipeline.signals.windows import row_period
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
-from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import (
+    VELOCITY,
+    Ends,
+    Input,
+    Prediction,
+    Predictor,
+    Shown,
+    SubModel,
+    Target,
+)
 from pipeline.submodels.drive import comparison
 from pipeline.submodels.drive.comparison import with_intervals
 from pipeline.submodels.drive.disturbance import PLACES, Disturbance
@@ -299,6 +308,16 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         model = read_json(folder / "model.json", DriveModel)
         t = 1e-3 * np.arange(100)
         return pd.DataFrame({"t": t, **{f"{letter}_reference": 0.01 * t for letter in model.axes}})
+
+    def influences(self, case: Case, rows: pd.DataFrame) -> dict[str, Floats]:
+        """Velocity of the axis of the rows [m/s]."""
+        recording: Recording = case.load()
+        axis = recording.axes.get(str(rows["quantity"].iloc[0]).rpartition(" ")[2])
+        speed = None if axis is None else _speed(axis, recording.period)
+        if speed is None:
+            return {}
+        time = np.arange(recording.samples) * recording.period
+        return {VELOCITY: np.interp(rows["t"], time, np.asarray(speed, float))}
 
     def page(self, shown: Shown[DriveModel]) -> Any:
         """Friction, mass and parameters of each axis; recordings against the twin."""

@@ -18,7 +18,16 @@ from pipeline.schema.verdict import Fact, Role
 from pipeline.signals.windows import row_period
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
 from pipeline.submodels.conformal import interval
-from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import (
+    VELOCITY,
+    Ends,
+    Input,
+    Prediction,
+    Predictor,
+    Shown,
+    SubModel,
+    Target,
+)
 from pipeline.submodels.following_residual.features import Features, features_of
 from pipeline.submodels.following_residual.fit import UM, chosen, fit_axes, leak_shown, searched
 from pipeline.submodels.following_residual.model import (
@@ -302,6 +311,16 @@ class FollowingResidual(SubModel[Fitting, Judging, ResidualModel]):
             for name, some in documents.items()
             for fold, one in enumerate(some, start=1)
         }
+
+    def influences(self, case: Case, rows: pd.DataFrame) -> dict[str, Any]:
+        """Commanded velocity of the axis of the rows [m/s]."""
+        run = case.load().run
+        axis = run.axes.get(str(rows["quantity"].iloc[0]).rpartition(" ")[2])
+        if axis is None or axis.reference is None or len(axis.reference) < 2:
+            return {}
+        time = np.arange(len(axis.reference)) * run.period
+        speed = np.gradient(axis.reference, run.period)
+        return {VELOCITY: np.interp(rows["t"], time, speed)}
 
     def page(self, shown: Shown[ResidualModel]) -> Any:
         """Error before and after, networks compared, attention, the search."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 import pandas as pd
 
+from pipeline.schema.arrays import Floats
 from pipeline.schema.days import zone_of
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
@@ -25,7 +26,15 @@ from pipeline.submodels.cases import (
     role_of,
     sources,
 )
-from pipeline.submodels.contract import Ends, Input, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import (
+    TEMPERATURE_RISE,
+    Ends,
+    Input,
+    Predictor,
+    Shown,
+    SubModel,
+    Target,
+)
 from pipeline.submodels.next_recording import Design
 from pipeline.submodels.spindle.calibration import (
     ForestSettings,
@@ -284,6 +293,17 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
         used = [case for case in cases.cases if case.name in model.training_days]
         judged = cases.of("golden") or cases.of("held_out")
         return list(spindle_design(model, stretches(used), stretches(judged), limits))
+
+    def influences(self, case: Case, rows: pd.DataFrame) -> dict[str, Floats]:
+        """Predicted temperature above the air, above the lowest where the air is not recorded."""
+        state, predicted = case.load(), rows["predicted"].to_numpy(float)
+        air = np.full(len(rows), np.nanmin(predicted))
+        if "ambient_temperature" in state and state["ambient_temperature"].notna().any():
+            known = state["ambient_temperature"].dropna()
+            midnight = pd.DatetimeIndex(known.index)[0].normalize()
+            seconds = (pd.DatetimeIndex(known.index) - midnight).total_seconds()
+            air = np.interp(rows["t"], np.asarray(seconds, float), known.to_numpy(float))
+        return {TEMPERATURE_RISE: predicted - air}
 
     def page(self, shown: Shown[SpindleModelFile]) -> "PageContent":
         """The thermal network, the judged days, and the verdict in words."""

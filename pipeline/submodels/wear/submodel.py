@@ -21,7 +21,16 @@ from pipeline.signals.wear_lives import read_lives
 from pipeline.signals.wear_windows import ToolLife, WearRecords, WearWindows
 from pipeline.submodels.cases import Case, Cases, Records, Roles, role_of
 from pipeline.submodels.conformal import ALL_REGIMES, MANY_GROUPS
-from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import (
+    CUTTING_TIME,
+    Ends,
+    Input,
+    Prediction,
+    Predictor,
+    Shown,
+    SubModel,
+    Target,
+)
 from pipeline.submodels.wear.due import Estimate, due_facts, fit_lasting, parameters
 from pipeline.submodels.wear.fit import fit_wear
 from pipeline.submodels.wear.life import WearLifeSettings
@@ -335,6 +344,10 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
         if not file.is_class:
             columns["progress"] = 0.0
         return pd.DataFrame(columns)
+
+    def influences(self, case: Case, rows: pd.DataFrame) -> dict[str, Any]:
+        """Use of the tool since it was changed."""
+        return {CUTTING_TIME: rows["t"].to_numpy(float)}
 
     def curves(self, folder: Path) -> Mapping[str, Sequence[float]]:
         """Validation RMSE after each epoch of the networks of the folds."""

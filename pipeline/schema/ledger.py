@@ -1,0 +1,139 @@
+"""Ledger of the nights on which the champion of a machine was scored: one line of JSON each.
+
+A ledger only grows: a night that is scored again, since its records have grown, gets a further
+line, and the later one counts.
+"""
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from pipeline.schema.store import StoreError, content, parsed, unstructured, write_text
+
+Result = Literal["within", "over", "no records", "not scored"]
+"""Result of a night: within the error budget, over it, too few records of a working day to score,
+or nothing to score on another."""
+Ask = Literal["", "identification", "training", "records"]
+"""Work that a night asks for; empty where it asks for none."""
+Reason = Literal[
+    "", "sensor", "heat", "friction", "wear", "program changed", "records missing", "not known"
+]
+"""Cause that the residuals of a night speak for."""
+PERIOD_NIGHTS = 28
+"""Nights of an error budget, of which pages say how much is spent."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Night:
+    """One quantity of one sub-model, scored on the records of one night."""
+
+    night: str
+    """Day of the plant; of records without a clock the name of the recording."""
+    bundle: str
+    model: str
+    """Hashes of the bundle that served, and of the sub-model in it."""
+    submodel: str
+    quantity: str
+    regime: str
+    unit: str
+    """Target; the quantity is empty where a night had no records."""
+    records: str
+    """Hash of the raw files."""
+    n: int
+    """Samples that were scored."""
+    mae: float | None = None
+    rmse: float | None = None
+    """Errors [unit]."""
+    budgets: Mapping[str, float] = field(default_factory=dict)
+    """Allowed error of a night by the name of the figure."""
+    share: float | None = None
+    """Greatest error over its budget [1]."""
+    parts: Mapping[str, float] = field(default_factory=dict)
+    """Part of the residual that goes with each cause, with its sign [unit]."""
+    beyond: float = 0.0
+    """Distance of its conditions beyond the learnt ranges, over their width [1]."""
+    result: Result
+    rule: str = ""
+    """Rule that asks, in words; empty where none does."""
+    ask: Ask = ""
+    reason: Reason = ""
+    words: str = ""
+    """Reason and what to do, as a sentence."""
+
+    @property
+    def target(self) -> tuple[str, str, str]:
+        """Sub-model, quantity and regime."""
+        return self.submodel, self.quantity, self.regime
+
+
+def read_ledger(path: Path) -> tuple[Night, ...]:
+    """Nights in the order in which they were scored; none where there is no file."""
+    if not path.exists():
+        return ()
+    remedy = f"restore it with `dvc checkout {path}`, or delete it and run `dvc repro`"
+    return tuple(
+        parsed(line, Night, f"{path}, line {number}", remedy)
+        for number, line in enumerate(content(path, remedy).splitlines(), start=1)
+    )
+
+
+def write_ledger(nights: Iterable[Night], path: Path) -> None:
+    """Store a ledger, all at once: a write that breaks off leaves the file as it was.
+
+    Raises StoreError where the stored lines are not the first of the new ones.
+    """
+    lines = [json.dumps(unstructured(one), allow_nan=False, ensure_ascii=False) for one in nights]
+    text = "".join(f"{line}\n" for line in lines)
+    before = path.read_text(encoding="utf-8") if path.exists() else ""
+    if not text.startswith(before):
+        raise StoreError(f"{path} holds nights that the new ledger lacks: a ledger only grows")
+    write_text(text, path)
+
+
+def latest(nights: Iterable[Night]) -> list[Night]:
+    """The last line of each night and target, oldest night first."""
+    found: dict[tuple[str, ...], Night] = {}
+    for one in nights:
+        key = (*one.target, one.model, one.night)
+        found.pop(key, None)
+        found[key] = one
+    return list(found.values())
+
+
+def spent(nights: Iterable[Night]) -> float | None:
+    """Share of the error budget of :data:`PERIOD_NIGHTS` nights of one target that is spent [1].
+
+    The budget of a night is its allowed error; None where no night was scored.
+    """
+    shares = [one.share for one in latest(nights) if one.share is not None][-PERIOD_NIGHTS:]
+    return sum(shares) / PERIOD_NIGHTS if shares else None
+
+
+def serving(nights: Iterable[Night]) -> list[Night]:
+    """Nights of the models that served last, by sub-model."""
+    found = list(nights)
+    last = {one.submodel: one.model for one in found}
+    return [one for one in found if one.model == last[one.submodel]]
+
+
+def asks(nights: Iterable[Night]) -> list[Night]:
+    """Nights of the models that served last that ask for work and are still open, by sub-model.
+
+    An ask is open from its night on until another model serves, or until the latest
+    :data:`CLOSED_AFTER` nights of its target ask for nothing.
+    """
+    by_target: dict[tuple[str, ...], list[Night]] = {}
+    for one in latest(serving(nights)):
+        by_target.setdefault(one.target, []).append(one)
+    open_: dict[str, Night] = {}
+    for some in by_target.values():
+        for one in some[-CLOSED_AFTER:]:
+            if one.ask and one.night >= getattr(open_.get(one.submodel), "night", ""):
+                open_[one.submodel] = one
+    return list(open_.values())
+
+
+CLOSED_AFTER = 7
+"""Quiet nights after which an ask is closed: what was the matter was mended."""
