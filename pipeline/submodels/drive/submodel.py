@@ -31,12 +31,21 @@ from pipeline.schema.drive import (
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Band, LeftOut, SourceFile, significant
-from pipeline.schema.ranges import Positive, Ranged
+from pipeline.schema.ranges import Positive
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role, widest
 from pipeline.signals.windows import row_period
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
-from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import (
+    Ends,
+    Input,
+    IntervalLimits,
+    Prediction,
+    Predictor,
+    Shown,
+    SubModel,
+    Target,
+)
 from pipeline.submodels.drive import comparison
 from pipeline.submodels.drive.comparison import with_intervals
 from pipeline.submodels.drive.disturbance import PLACES, Disturbance
@@ -71,7 +80,7 @@ SHOWN = 4000
 
 
 @dataclass(frozen=True, kw_only=True)
-class DriveLimits(Ranged, section="drive_limits"):
+class DriveLimits(IntervalLimits, section="drive_limits"):
     """Limits on every recording that the drives were not identified from."""
 
     force_percent: Positive = 15.0
@@ -136,10 +145,12 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
                 Target(
                     quantity=f"{FORCE} {letter}", unit=axis.force_unit, baselines=(LEVEL,),
                     limits={"relative_percent": limits.force_percent},
+                    coverage=limits.share if FORCE in axis.intervals else None,
                 ),
                 Target(
                     quantity=f"{FOLLOWING} {letter}", unit="um", baselines=(LAG,),
                     limits={"relative_percent": share, "max_percent": share},
+                    coverage=limits.share if FOLLOWING in axis.intervals else None,
                 ),
             )
         ) + tuple(

@@ -12,13 +12,22 @@ from pipeline.nets.settings import TuningSettings
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import LeftOut, SourceFile
-from pipeline.schema.ranges import Positive, Ranged, Share
+from pipeline.schema.ranges import Positive
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.signals.windows import row_period
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
 from pipeline.submodels.conformal import interval
-from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import (
+    Ends,
+    Input,
+    IntervalLimits,
+    Prediction,
+    Predictor,
+    Shown,
+    SubModel,
+    Target,
+)
 from pipeline.submodels.following_residual.features import Features, features_of
 from pipeline.submodels.following_residual.fit import UM, chosen, fit_axes, leak_shown, searched
 from pipeline.submodels.following_residual.model import (
@@ -50,24 +59,12 @@ COMPARED = 400
 
 
 @dataclass(frozen=True, kw_only=True)
-class ResidualLimits(Ranged, section="following_residual_limits"):
+class ResidualLimits(IntervalLimits, section="following_residual_limits"):
     """Limits on recordings that no network was trained on."""
 
-    coverage: tuple[Share, ...] = (0.8, 1.0)
-    """Least and greatest share of samples inside the 90 % interval over all recordings [1].  The
-    aim is 0.9; samples of a recording hang together, and a dozen recordings are hardly more than a
-    dozen draws."""
     most_percent: Positive = 70.0
     """Greatest RMSE over the RMS of the following error itself [%]: at 70 half of its mean square
     is predicted, whatever the interval holds and whichever method serves."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if len(self.coverage) != 2 or self.coverage[0] > self.coverage[1]:
-            raise ValueError(
-                f"following_residual_limits.coverage = {list(self.coverage)} must be the least and "
-                "the greatest share"
-            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,7 +140,6 @@ class FollowingResidual(SubModel[Fitting, Judging, ResidualModel]):
         beat where it serves: every axis has to be predicted in its own right.
         """
         limits = settings.following_residual_limits
-        least, most = limits.coverage
         found = []
         for letter, uses in model.axes.items():
             for use, one in uses.items():
@@ -154,7 +150,7 @@ class FollowingResidual(SubModel[Fitting, Judging, ResidualModel]):
                 found.append(
                     Target(
                         quantity=f"{QUANTITIES[use]} {letter}", unit="um", baselines=others,
-                        must_beat=(base,) if base in others else (), coverage=(least, most),
+                        must_beat=(base,) if base in others else (), coverage=limits.share,
                         most_percent=limits.most_percent,
                         titles=titles(with_drive=model.with_drive),
                     )
