@@ -186,7 +186,7 @@ class FollowingResidual(SubModel[Fitting, Judging, ResidualModel]):
             cases.append(
                 Case(
                     name=run.name, group=run.group, role=of_run, load=_constant(driven),
-                    files=(SourceFile(file=run.file, sha256=run.sha256),),
+                    files=(SourceFile(file=run.name, sha256=run.sha256),),
                     conditions={} if of_run == "sealed" else _conditions(run),
                 )
             )  # fmt: skip

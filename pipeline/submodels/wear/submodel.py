@@ -71,7 +71,7 @@ def life_cases(
     }
     cases = []
     for life, role in by_role:
-        files = [SourceFile(file=one.file, sha256=one.sha256) for one in life.files]
+        files = [SourceFile(file=one.name, sha256=one.sha256) for one in life.files]
         if role != "training":
             files += _copied(life, learnt)
         conditions = {} if role == "sealed" else _furthest(life, training)
