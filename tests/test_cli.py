@@ -35,7 +35,7 @@ from pipeline.optimisation.settings import Grouping
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden
 from pipeline.schema.model import SourceFile
 from pipeline.schema.part import Objective
-from pipeline.submodels.contract import submodel
+from pipeline.submodels.contract import submodel, submodels
 from tests import bundled_project
 from tests.fuzz.seeds import LOGS
 from tests.small_project import (
@@ -577,6 +577,21 @@ def test_what_names_no_file_cannot_be_frozen(
 ) -> None:
     assert said in refused(ingested, "golden", "-m", MACHINE, *words)
     assert not list((ingested / "data/golden").iterdir())
+
+
+def test_without_files_it_shows_what_is_frozen_of_each_sub_model(ingested: Path) -> None:
+    """Here nothing of the records can be read: each row says so."""
+    frozen(ingested, "--files", "servo/*")
+    done = kerf(ingested, "golden", "-m", MACHINE)
+    assert done.exit_code == 0, done.output
+    assert done.stdout.startswith(f"{MACHINE}: golden set 2 files, sha256 ")
+    assert "no sealed set" in done.stdout
+    document = json.loads(kerf(ingested, "golden", "-m", MACHINE, "--json", "-").stdout)
+    assert [one["submodel"] for one in document["submodels"]] == sorted(submodels())
+    assert all(one["lacking"] for one in document["submodels"])
+    assert (document["golden"]["files"], document["sealed"], document["looks"]) == (2, None, 0)
+    both = ("golden", "-m", MACHINE, "--split", "--sealed")
+    assert "--split freezes both sets" in refused(ingested, *both)
 
 
 @pytest.mark.parametrize(

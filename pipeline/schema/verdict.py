@@ -182,6 +182,8 @@ class Verdict:
     """Cases that were compared."""
     left_out: tuple[LeftOut, ...] = ()
     """Cases that were not compared, with the reason."""
+    sealed: int = 0
+    """Number of sealed cases, which promotion alone looks at."""
 
     def of(
         self, quantity: str, *, group: str | None = None, role: Role | None = None

@@ -117,6 +117,7 @@ def judge(
             for case, one in predicted
         ),
         left_out=cases.left_out,
+        sealed=len(cases.of("sealed")),
     )  # fmt: skip
     return Judged(verdict=verdict, predictions=frame)
 
