@@ -579,19 +579,20 @@ def test_what_names_no_file_cannot_be_frozen(
     assert not list((ingested / "data/golden").iterdir())
 
 
-def test_without_files_it_shows_what_is_frozen_of_each_sub_model(ingested: Path) -> None:
-    """Here nothing of the records can be read: each row says so."""
-    frozen(ingested, "--files", "servo/*")
-    done = kerf(ingested, "golden", "-m", MACHINE)
+def test_without_files_it_shows_what_is_frozen_of_each_sub_model(project: Path) -> None:
+    """Here there is no record: each row says so."""
+    folder = project / f"data/signals/{MACHINE}"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "manifest.json").write_text('{"files": {}}')
+    done = kerf(project, "golden", "-m", MACHINE)
     assert done.exit_code == 0, done.output
-    assert done.stdout.startswith(f"{MACHINE}: golden set 2 files, sha256 ")
-    assert "no sealed set" in done.stdout
-    document = json.loads(kerf(ingested, "golden", "-m", MACHINE, "--json", "-").stdout)
+    assert done.stdout.startswith(f"{MACHINE}: no golden set; no sealed set\n")
+    document = json.loads(kerf(project, "golden", "-m", MACHINE, "--json", "-").stdout)
     assert [one["submodel"] for one in document["submodels"]] == sorted(submodels())
     assert all(one["lacking"] for one in document["submodels"])
-    assert (document["golden"]["files"], document["sealed"], document["looks"]) == (2, None, 0)
+    assert (document["golden"], document["sealed"], document["looks"]) == (None, None, 0)
     both = ("golden", "-m", MACHINE, "--split", "--sealed")
-    assert "--split freezes both sets" in refused(ingested, *both)
+    assert "--split freezes both sets" in refused(project, *both)
 
 
 @pytest.mark.parametrize(

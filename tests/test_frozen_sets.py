@@ -33,7 +33,7 @@ TOO_LITTLE = {
     ("mill00", "synthesis"): {"sealed"},
     ("mill00", "wear"): {"sealed"},
 }
-"""Sets for which the records of a sub-model are too few: fewer than four groups, or all learnt from."""
+"""Sets for which a sub-model has too few records: under four groups, or all are learnt from."""
 SECTIONS = {"synthesis": "wear_records"}
 
 
