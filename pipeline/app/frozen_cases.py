@@ -20,7 +20,6 @@ from pipeline.schema.verdict import Role
 from pipeline.signals.conditions import PART, selection
 from pipeline.submodels.cases import Case, Cases, Records, Roles
 from pipeline.submodels.contract import sections, submodel
-from pipeline.submodels.scoring import FEWEST_GROUPS
 
 SEALED_OF = 4
 """Groups that nothing learns from of which one is sealed [1]."""
@@ -153,7 +152,7 @@ def lacking(cases: Cases) -> str:
         return ""
     groups = len({case.group for case in _free(cases)})
     left = f"{many(groups, 'group')} that nothing learns from"
-    needed = f"{SEALED_OF} are needed, {FEWEST_GROUPS} to judge by and 1 to seal"
+    needed = f"{SEALED_OF} are needed, {SEALED_OF - 1} to judge by and 1 to seal"
     if groups < SEALED_OF:
         return f"too little to {'seal' if there == ['golden'] else 'freeze'}: {left}, {needed}"
     missing = " and ".join(one for one in ("golden", "sealed") if one not in there)

@@ -295,7 +295,7 @@ def _against_baselines(score: Score, target: Target) -> CheckReasons:
 def _share_of_quantity(score: Score, target: Target) -> CheckReasons:
     """Whether the error is too large a part of what was measured."""
     part, most = score.relative_percent, target.most_percent
-    if part is None:
+    if part is None or score.rmse is None:
         return [], []
     said = (
         f"{target.quantity} over all: RMSE {sized(score.rmse, score.unit)} is {part:.3g} % of the "

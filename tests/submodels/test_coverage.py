@@ -9,12 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline.schema.drive import FOLLOWING, FORCE
 from pipeline.schema.model import Model, SourceFile
 from pipeline.schema.verdict import Verdict
 from pipeline.submodels.cases import Case, Cases
 from pipeline.submodels.contract import IntervalLimits, Prediction, Target, submodel, submodels
 from pipeline.submodels.cutting.settings import CuttingLimits
-from pipeline.submodels.drive.submodel import FOLLOWING, FORCE
 from pipeline.submodels.judge import judge
 
 NORMAL_90 = 1.645
