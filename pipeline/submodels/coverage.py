@@ -47,7 +47,8 @@ def covered(rows: pd.DataFrame, score: Score, target: Target, trained: int) -> C
         "interval, "
     )
     spread = score.spread.get("coverage_90", 0.0)
-    if any(abs(share - end) < spread for end in (least, most) if end > 0):
+    ends = (least, most) if trained >= STATED_FROM else (least,)
+    if any(abs(share - end) < spread for end in ends if end > 0):
         return [], [
             f"{said}too near to the {limits}: trainings differ by \u00b1 {100 * spread:.2g} %, "
             "not decided"
