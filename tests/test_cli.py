@@ -36,7 +36,7 @@ from pipeline.optimisation.settings import Grouping
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden
 from pipeline.schema.model import SourceFile
 from pipeline.schema.part import Objective
-from pipeline.submodels.contract import submodel
+from pipeline.submodels.contract import submodel, submodels
 from tests import bundled_project
 from tests.fuzz.seeds import LOGS
 from tests.small_project import (
@@ -578,6 +578,22 @@ def test_what_names_no_file_cannot_be_frozen(
 ) -> None:
     assert said in refused(ingested, "golden", "-m", MACHINE, *words)
     assert not list((ingested / "data/golden").iterdir())
+
+
+def test_without_files_it_shows_what_is_frozen_of_each_sub_model(project: Path) -> None:
+    """Here there is no record: each row says so."""
+    folder = project / f"data/signals/{MACHINE}"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "manifest.json").write_text('{"files": {}}')
+    done = kerf(project, "golden", "-m", MACHINE)
+    assert done.exit_code == 0, done.output
+    assert done.stdout.startswith(f"{MACHINE}: no golden set; no sealed set\n")
+    document = json.loads(kerf(project, "golden", "-m", MACHINE, "--json", "-").stdout)
+    assert [one["submodel"] for one in document["submodels"]] == sorted(submodels())
+    assert all(one["lacking"] for one in document["submodels"])
+    assert (document["golden"], document["sealed"], document["looks"]) == (None, None, 0)
+    both = ("golden", "-m", MACHINE, "--split", "--sealed")
+    assert "--split freezes both sets" in refused(project, *both)
 
 
 @pytest.mark.parametrize(

@@ -32,9 +32,10 @@ def build(project: Path) -> None:
         run("identify_spindle@mazak01", *reads, "data/golden")
         run("judge_spindle@mazak01", *reads, "data/golden", "data/metrics/mazak01_spindle.json",
             "data/plots/mazak01_spindle")  # fmt: skip
-        run("report", *(f"data/{p}" for p in ("signals", "clean", "models", "champion", "golden",
-                                               "truth", "programs", "parts", "trials", "history", "ledger")),
-            "data/settings/sections", "reports", "data/metrics/report.json")  # fmt: skip
+        places = ("signals", "clean", "models", "champion", "golden", "truth", "programs", "parts",
+                  "trials", "history", "ledger", "settings/sections")  # fmt: skip
+        run("report", *(f"data/{p}" for p in places),
+            "reports", "data/metrics/report.json")  # fmt: skip
 
 
 @pytest.fixture(scope="module")

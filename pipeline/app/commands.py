@@ -194,12 +194,19 @@ def golden(
     sealed: Annotated[
         bool, typer.Option(help="Freeze the sealed set, which promotion alone looks at.")
     ] = False,
+    split: Annotated[
+        bool, typer.Option("--split", help="Freeze both sets of all that nothing learns from.")
+    ] = False,
     again: Annotated[
         bool, typer.Option("--again", help="In the place of a committed set, without a question.")
     ] = False,
     json: kerf.Json = None,
 ) -> None:
-    """Freeze MACHINE's golden set: no model is fitted on it, every sub-model is judged on it."""
+    """Freeze MACHINE's golden set: no model is fitted on it, every sub-model is judged on it.
+
+    Without days and files it shows what is frozen, by sub-model.
+    """
+    from pipeline.app.frozen_cases import frozen_cases, frozen_head, frozen_lines, split_sets
     from pipeline.app.golden_sets import freeze_set, learnt_and_frozen
 
     def asked(question: str) -> bool:
@@ -207,6 +214,17 @@ def golden(
 
     with one_sentence(), outputs() as to:
         to.ready(json)
+        if split and (first or last or files or sealed):
+            raise ValueError("--split freezes both sets of all records: give no days and no files")
+        if split:
+            split_sets(machine, asked)
+        if not (first or last or files or sealed):
+            found = frozen_cases(machine)
+            to.json(found, json)
+            to.say(frozen_head(found))
+            for line in aligned(frozen_lines(found), words=6):
+                to.say(line)
+            return
         frozen = freeze_set(
             machine, first=first, last=last, files=files or (), sealed=sealed, again=asked
         )

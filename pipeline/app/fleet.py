@@ -230,13 +230,8 @@ def fleet_named(name: str) -> Fleet:
 def use_fleet(name: str) -> Fleet:
     """Make ``conf/fleet/<name>.yaml`` the active one, with the lock of its last build."""
     chosen, folder = fleet_named(name), CONF / "fleet"
-    for some in (
-        "truth",
-        "programs",
-        "parts",
-        "trials",
-        "history",
-    ):  # empty where no machine has any
+    empty = ("truth", "programs", "parts", "trials", "history")  # where no machine has any
+    for some in empty:
         (DATA / some).mkdir(parents=True, exist_ok=True)
     # a plain file: in other revisions DVC would read a link's target by its name
     active, text = folder / "active.yaml", _whole(folder / f"{name}.yaml")

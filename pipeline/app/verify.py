@@ -176,8 +176,9 @@ def _report(reports: Path) -> Mapping[str, str]:
 
     values = read_params()
     fleet = structure(values, "fleet", Fleet)
-    folders = [DATA / name for name in ("signals", "clean", "models", "champion", "golden", "truth",
-                                        "programs", "parts", "trials", "history", "ledger")]  # fmt: skip
+    names = ("signals", "clean", "models", "champion", "golden", "truth", "programs", "parts",
+             "trials", "history", "ledger")  # fmt: skip
+    folders = [DATA / name for name in names]
     machines = machines_of([*folders, SETTINGS / HASHES], fleet)
     language = structure(values, "pages", ReportSettings).language
     info = info_of(fleet, structure(values, "budget", str))

@@ -387,10 +387,11 @@ class _Frame:
         if v.judged_role != "golden":
             return f"{many} held out of its fit"
         by_day = all(day_words(group) != group for group in self.groups)
+        aside = [f"beside {number(v.sealed)} sealed"] if v.sealed else []
         if golden is None or not golden.first or not by_day:
-            return f"{many} of its golden set"
+            return f"{many} of its golden set{''.join(f' ({one})' for one in aside)}"
         span = f"{day_words(golden.first)} to {day_words(golden.last, year=True)}"
-        return f"{many} of its golden set ({span})"
+        return f"{many} of its golden set ({', '.join([span, *aside])})"
 
     def _errors(self, *, beyond: bool = False) -> str:
         """The errors that count with their limits; ``beyond`` only those that pass them."""

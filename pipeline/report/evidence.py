@@ -418,7 +418,9 @@ def _origins_table(facts: MachineFacts) -> Table | None:
     fitted = {file for model in models for case in model.trained_on for file in case.files}
     golden = facts.golden.golden if facts.golden is not None else None
     uses = [("to learn", one) for one in sorted(fitted, key=lambda one: (one.file, one.sha256))]
+    sealed = facts.golden.sealed if facts.golden is not None else None
     uses += [("to judge", one) for one in (golden.files if golden is not None else ())]
+    uses += [("sealed", one) for one in (sealed.files if sealed is not None else ())]
     stored = [one.shown.folder / "model.json" for one in facts.models]
     return tabulated(
         "What the models were fitted on and judged on", uses, ORIGINS,

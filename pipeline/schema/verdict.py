@@ -219,6 +219,8 @@ class Verdict:
     """Checks for what was predicted among the inputs; empty where there was nothing to check."""
     next_recordings: tuple[NextRecording, ...] = ()
     """What to record next, the recording of the greatest gain first."""
+    sealed: int = 0
+    """Number of sealed cases, which promotion alone looks at."""
 
     def of(
         self, quantity: str, *, group: str | None = None, role: Role | None = None
@@ -289,12 +291,13 @@ def significant(value: SupportsFloat, digits: int = 6) -> float:
 def sized(value: float, unit: str, digits: int = 4) -> str:
     """Size with its unit for a sentence; beyond :data:`MOST_PERCENT` no more than that.
 
-    >>> sized(123.4, "N", 2), sized(6.69e8, "%")
-    ('120 N', 'more than 1000 % of nearly 0')
+    >>> sized(123.4, "N", 2), sized(6.69e8, "%"), sized(0.51644, "1")
+    ('120 N', 'more than 1000 % of nearly 0', '0.5164')
     """
     if unit == "%" and abs(value) > MOST_PERCENT:
         return OF_NOTHING
-    return f"{float(f'{value:.{digits}g}'):g} {unit}"
+    number = f"{float(f'{value:.{digits}g}'):g}"
+    return number if unit == "1" else f"{number} {unit}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,9 +10,10 @@ from dataclasses import dataclass, field, fields
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, TypeVar, get_type_hints
 
 from pipeline.schema.model import Model, Parameter
+from pipeline.schema.ranges import Range, Ranged
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Score, Verdict
 from pipeline.submodels.cases import Case, Cases, Records
@@ -65,8 +66,8 @@ class Target:
     """Step of the sensor [unit]; a shortfall that its rounding leaves open is "not decided"; 0
     where the column ``step`` of a prediction or the grid of its measured values tells it."""
     coverage: tuple[float, float] | None = None
-    """Least and greatest share of samples inside the 90 % interval over all groups that decide [1];
-    None where no interval is needed."""
+    """Least and greatest share of samples inside the 90 % interval over all groups that decide [1],
+    the greatest below 1, which an interval of any width keeps; None where none is stated."""
     most_percent: float = 0.0
     """Greatest RMSE over all groups that decide, over the RMS of what was measured [%]; 0 where
     there is no limit."""
@@ -93,11 +94,34 @@ class Target:
         )
 
     def __post_init__(self) -> None:
-        if self.coverage is not None and not 0 <= self.coverage[0] <= self.coverage[1] <= 1:
+        if self.coverage is not None and not 0 <= self.coverage[0] < self.coverage[1] < 1:
             raise ValueError(
                 f"coverage of {self.quantity} is {self.coverage}: give least and greatest share of "
-                "samples, from 0 to 1"
+                "samples, from 0 to below 1"
             )
+
+
+@dataclass(frozen=True, kw_only=True)
+class IntervalLimits(Ranged):
+    """Limits of a sub-model that states 90 % intervals: base of its own."""
+
+    coverage: tuple[Annotated[float, Range(least=0.0, below=1.0)], ...] = (0.8, 0.98)
+    """Least and greatest share of samples inside the 90 % interval over all groups that decide [1].
+    Of normal errors, 80 % lie inside an interval that is 0.78 times as wide as that of 90 %, and
+    98 % inside one that is 1.41 times as wide."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.coverage) != 2 or self.coverage[0] >= self.coverage[1]:
+            raise ValueError(
+                f"{self.section}.coverage = {list(self.coverage)} must be the least and the "
+                "greatest share"
+            )
+
+    @property
+    def share(self) -> tuple[float, float]:
+        """Least and greatest share, as a target has them [1]."""
+        return self.coverage[0], self.coverage[1]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -4,7 +4,7 @@ A verdict rests on the golden cases where some are frozen, else on those that we
 fit.  Training cases are compared and never decide.  Sealed cases are looked at by promotion only.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,6 +28,7 @@ from pipeline.schema.verdict import (
 from pipeline.submodels import scoring
 from pipeline.submodels.cases import Case, Cases, golden_used, leak_reasons, set_reasons
 from pipeline.submodels.contract import Predictor, Target
+from pipeline.submodels.coverage import CheckReasons, covered
 from pipeline.submodels.statistics import auc, spread_of
 
 CANARY_SAMPLES, CANARY_VALUES = 100, 10
@@ -79,11 +80,10 @@ def judge(
     frame = _table(predicted, outside, own)
     deciding = _deciding(looked_at)
     beyond = {one.case for one in outside}
+    known = len(model.trained_on)
     scores = [
-        _with_use(score, frame, target, beyond, len(model.trained_on))
-        if (score.group, score.role) == (scoring.ALL, deciding) else score
-        for target in targets for score in _scores(frame, target, deciding)
-    ]  # fmt: skip
+        score for target in targets for score in _scores(frame, target, deciding, beyond, known)
+    ]
     decisive = [s for s in scores if s.status != "not judged" and not s.alone]
     broken = [
         *set_reasons(model, sets, files),
@@ -117,6 +117,7 @@ def judge(
             for case, one in predicted
         ),
         left_out=cases.left_out,
+        sealed=len(cases.of("sealed")),
     )  # fmt: skip
     return Judged(verdict=verdict, predictions=frame)
 
@@ -151,39 +152,43 @@ def _deciding(cases: Sequence[Case]) -> Role:
     return next((role for role in order if role in there), "held_out")
 
 
-def _scores(frame: pd.DataFrame, target: Target, deciding: Role) -> list[Score]:
+def _scores(
+    frame: pd.DataFrame, target: Target, deciding: Role, outside: set[str], trained: int
+) -> list[Score]:
     """Scores of a target by role and group, and over all groups of each role."""
     rows = scoring.scored_rows(frame, target)
     if not len(rows):
         return []
+    # of one axis, say, are fewer recordings than of the model
+    learnt = rows.loc[rows["role"] == "training", "group"].nunique() or trained
     found = []
     for role, of_role in rows.groupby("role", sort=False):
         groups = [
-            _held(part, target, str(group), role, deciding)
+            _held_against(_score(part, target, str(group), role, deciding), target, deciding)
             for group, part in of_role.groupby("group", sort=False)
         ]
         lone = _lone(groups, target)
         others = of_role[of_role["group"] != lone] if lone else of_role
         found += [replace(one, alone=one.group == lone) for one in groups]
-        found.append(_held(others, target, scoring.ALL, role, deciding))
+        total = _score(others, target, scoring.ALL, role, deciding)
+        if role == deciding:
+            total = _over_all(others, _with_use(total, others, target, outside, trained), target,
+                              learnt)  # fmt: skip
+        found.append(total)
     return found
 
 
-def _held(rows: pd.DataFrame, target: Target, group: str, role: Any, deciding: Role) -> Score:
-    """A score, with its status where its role decides."""
+def _score(rows: pd.DataFrame, target: Target, group: str, role: Any, deciding: Role) -> Score:
+    """A score, with the spread of its figures where its role decides."""
     score = scoring.score_of(rows, target, group, role)
-    if role != deciding:
-        return score
-    score = replace(score, spread=scoring.spread_over(rows))
-    return _over_all(rows, score, target) if group == scoring.ALL else _held_against(score, target)
+    return replace(score, spread=scoring.spread_over(rows)) if role == deciding else score
 
 
 def _with_use(
-    score: Score, frame: pd.DataFrame, target: Target, outside: set[str], trained: int
+    score: Score, rows: pd.DataFrame, target: Target, outside: set[str], trained: int
 ) -> Score:
     """A score over all groups with whether its interval is of use, inside where groups are many."""
-    rows = scoring.scored_rows(frame, target)
-    rows = rows[(rows["role"] == score.role) & ~rows["case"].isin(outside)]
+    rows = rows[~rows["case"].isin(outside)]
     many = rows["group"].nunique() >= scoring.FEWEST_GROUPS
     inside = scoring.score_of(rows, target, scoring.ALL, score.role) if many else score
     score = replace(score, inside_ratio=inside.half_width_over_rmse)
@@ -197,9 +202,9 @@ def _lone(scores: Sequence[Score], target: Target) -> str | None:
     return failed[0] if target.alone and len(failed) == 1 and passed >= target.alone else None
 
 
-def _held_against(score: Score, target: Target) -> Score:
+def _held_against(score: Score, target: Target, deciding: Role) -> Score:
     """A score with its status: limits kept, and better than what it has to beat here."""
-    if not score.limits:
+    if not score.limits or score.role != deciding:
         return score
     reasons: list[str] = []
     open_: list[str] = []
@@ -212,9 +217,9 @@ def _held_against(score: Score, target: Target) -> Score:
             continue
         said = f"{score.group}: {target.quantity}{regime}, {WORDS[name]} {sized(value, unit)} is"
         if abs(abs(value) - limit) < spread:
-            open_.append(f"{said} {_near(f'the limit of {limit:g} {unit}', spread, unit)}")
+            open_.append(f"{said} {_near(f'the limit of {sized(limit, unit)}', spread, unit)}")
         elif abs(value) > limit:
-            reasons.append(f"{said} above {limit:g} {unit}")
+            reasons.append(f"{said} above {sized(limit, unit)}")
     if target.each_group:
         for name in target.must_beat:
             worse, unsure = _shortfall(score, name, target)
@@ -240,33 +245,37 @@ def _shortfall(score: Score, name: str, target: Target) -> tuple[list[str], list
         if own is None or theirs is None or (own < theirs and theirs - own >= spread):
             continue
         title = target.titles.get(name, name.replace("_", " "))
-        that = f"that of {title}, {theirs:.4g} {score.unit}"
-        mine = f"{WORDS[kind]} {own:.4g} {score.unit} is"
+        that = f"that of {title}, {sized(theirs, score.unit)}"
+        mine = f"{WORDS[kind]} {sized(own, score.unit)} is"
         said = f"{mine} not below {that}"
         if abs(own - theirs) < spread:
             unsure.append(f"{mine} {_near(that, spread, score.unit)}")
         elif own - theirs < width:
             unsure.append(
-                f"{said}, but the sensor's steps leave {width:.2g} {score.unit} open: not decided"
+                f"{said}, but the sensor's steps leave {sized(width, score.unit, 2)} open: not "
+                "decided"
             )
         else:
             worse.append(said)
     return worse, unsure
 
 
-CheckReasons = tuple[list[str], list[str]]
-"""Reasons of a check: for sure, and too near to the limit to tell."""
-
-
-def _over_all(rows: pd.DataFrame, score: Score, target: Target) -> Score:
+def _over_all(rows: pd.DataFrame, score: Score, target: Target, trained: int) -> Score:
     """Score over all groups with its status by each check of its target."""
-    checks: Mapping[str, Callable[[pd.DataFrame, Score, Target], CheckReasons]] = {
-        "most_percent": _share_of_quantity, "coverage": _covered, "least_auc": _ordered,
-    }  # fmt: skip
-    found = [check(rows, score, target) for name, check in checks.items() if getattr(target, name)]
-    own, found = bool(found), [_against_baselines(score, target), *found]
-    reasons, open_ = ([said for one in found for said in one[k]] for k in (0, 1))
-    if not (own or reasons or open_):  # a baseline alone passes no target
+    found = []
+    if target.most_percent:
+        found.append(_share_of_quantity(score, target))
+    if target.coverage:
+        found.append(covered(rows, score, target, trained))
+    if target.least_auc:
+        found.append(_ordered(rows, target))
+    own = bool(found)
+    reasons, open_ = (
+        [said for one in (_against_baselines(score, target), *found) for said in one[k]]
+        for k in (0, 1)
+    )
+    # a baseline alone passes no target, and one that is too near decides none without limits
+    if not (own or reasons or (open_ and target.limits)):
         return score
     status: Status = "failed" if reasons else "not decided" if open_ else "passed"
     return replace(
@@ -283,31 +292,13 @@ def _against_baselines(score: Score, target: Target) -> CheckReasons:
     return worse, unsure
 
 
-def _covered(rows: pd.DataFrame, score: Score, target: Target) -> CheckReasons:
-    """Whether the interval holds too few or too many of the samples."""
-    least, most = target.coverage or (0.0, 1.0)
-    share, regime = score.coverage_90, f" {target.regime}" if target.regime else ""
-    limits, spread = f"{100 * least:g} to {100 * most:g} %", score.spread.get("coverage_90", 0.0)
-    if share is None:
-        lacking = f"{target.quantity}{regime} has no 90 % interval"
-        return [f"{lacking}, limits of the share inside {limits}"], []
-    said = (
-        f"{target.quantity}{regime}: {100 * share:.4g} % of the samples lie inside the 90 % "
-        "interval, "
-    )
-    # no share is below 0 or above 1: a limit there cannot be passed
-    if any(abs(share - end) < spread for end in (least, most) if 0 < end < 1):
-        return [], [f"{said}{_near(f'the limits {limits}', 100 * spread, '%')}"]
-    return ([] if least <= share <= most else [f"{said}limits {limits}"]), []
-
-
-def _share_of_quantity(rows: pd.DataFrame, score: Score, target: Target) -> CheckReasons:
+def _share_of_quantity(score: Score, target: Target) -> CheckReasons:
     """Whether the error is too large a part of what was measured."""
     part, most = score.relative_percent, target.most_percent
-    if part is None:
+    if part is None or score.rmse is None:
         return [], []
     said = (
-        f"{target.quantity} over all: RMSE {score.rmse:.4g} {score.unit} is {part:.3g} % of the "
+        f"{target.quantity} over all: RMSE {sized(score.rmse, score.unit)} is {part:.3g} % of the "
         "RMS of what was measured"
     )
     spread = score.spread.get("relative_percent", 0.0)
@@ -320,7 +311,7 @@ def _without(frame: pd.DataFrame, groups: set[str]) -> pd.DataFrame:
     return frame[~frame["group"].isin(groups)] if groups else frame
 
 
-def _ordered(rows: pd.DataFrame, score: Score, target: Target) -> CheckReasons:
+def _ordered(rows: pd.DataFrame, target: Target) -> CheckReasons:
     """Whether a class is not separated from the other."""
     truth = rows["measured"].to_numpy(float)
     area = auc(rows["predicted"].to_numpy(float), truth)

@@ -22,13 +22,22 @@ from pipeline.schema.arrays import Floats
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Band, Bands, Correlation, LeftOut, Parameter
-from pipeline.schema.ranges import NotNegative, Range, Ranged
+from pipeline.schema.ranges import NotNegative, Range
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact
 from pipeline.signals.cleaning.settings import CleanMachine
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
 from pipeline.submodels.conformal import Residuals, bands, half_widths, splits
-from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import (
+    Ends,
+    Input,
+    IntervalLimits,
+    Prediction,
+    Predictor,
+    Shown,
+    SubModel,
+    Target,
+)
 from pipeline.submodels.control.fit import ControlFit, ControlFitSettings, identify_control
 from pipeline.submodels.control.programs import Match, read_matches, read_programs
 from pipeline.submodels.control.runs import stopped_within
@@ -271,7 +280,7 @@ LENT = "of {others}, not determined here"
 
 
 @dataclass(frozen=True, kw_only=True)
-class ControlLimits(Ranged, section="control_limits"):
+class ControlLimits(IntervalLimits, section="control_limits"):
     """Limits on the errors of a control's times."""
 
     total_percent: NotNegative = 5.0
@@ -333,7 +342,7 @@ class Control(SubModel[Fitting, Judging, ControlModelFile]):
         whole = Target(
             quantity=TIME, unit="s", regime=WHOLE, baselines=(NAIVE, OVERRIDE_ONLY),
             limits={"relative_percent": limits.total_percent}, must_beat=(NAIVE,),
-            alone=limits.alone,
+            alone=limits.alone, coverage=limits.share if model.intervals else None,
         )  # fmt: skip
         return (whole, *(Target(quantity=TIME, unit="s", regime=word) for word in TYPES))
 

@@ -53,7 +53,8 @@ def force_targets(limits: CuttingLimits) -> tuple[Target, ...]:
     }  # fmt: skip
     judged = [
         Target(quantity=quantity, unit="N", regime=regime, limits=kept[quantity],
-               baselines=beside, widens=True)
+               baselines=beside, widens=True,
+               coverage=limits.share if (quantity, regime) == (PLANE, "") else None)
         for pair in ((PLANE, MAGNITUDE), (PEAK, MEAN))
         for regime in ("", OTHERS) for quantity in pair
     ]  # fmt: skip

@@ -15,6 +15,7 @@ from pipeline.schema.cutting import CHANNELS
 from pipeline.schema.ranges import Positive, Range, Ranged, Share
 from pipeline.search.genetic import GeneticSettings
 from pipeline.signals.conditions import ConditionSources
+from pipeline.submodels.contract import IntervalLimits
 from pipeline.submodels.cutting.spindle_load.levels import LoadScale
 
 
@@ -190,7 +191,7 @@ class CuttingSetup:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CuttingLimits(Ranged, section="cutting_limits"):
+class CuttingLimits(IntervalLimits, section="cutting_limits"):
     """Limits on the error of predicted cutting forces."""
 
     peak_percent: Positive = 10.0

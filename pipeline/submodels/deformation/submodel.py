@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -13,19 +13,26 @@ from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import LeftOut, Model
 from pipeline.schema.predictions import AGAIN
-from pipeline.schema.ranges import Positive, Range, Ranged
+from pipeline.schema.ranges import Positive
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact
 from pipeline.signals.windows import row_period
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
 from pipeline.submodels.conformal import (
-    ALL_REGIMES,
-    MANY_GROUPS,
     AdaptiveSettings,
     adaptive,
     interval,
 )
-from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import (
+    Ends,
+    Input,
+    IntervalLimits,
+    Prediction,
+    Predictor,
+    Shown,
+    SubModel,
+    Target,
+)
 from pipeline.submodels.deformation.fit import FEWEST_PROFILES, columns_of, errors_of, fit_growth
 from pipeline.submodels.deformation.methods import METHODS, SIMPLE
 from pipeline.submodels.deformation.model import (
@@ -58,28 +65,13 @@ AGAIN_DRAWN = 8
 
 
 @dataclass(frozen=True, kw_only=True)
-class DeformationLimits(Ranged, section="deformation_limits"):
+class DeformationLimits(IntervalLimits, section="deformation_limits"):
     """Limits on the error of growth on every recording that no method was fitted on."""
 
     max_um: Positive = 6.0
     rmse_um: Positive = 3.0
     """Largest error and RMSE in each regime of a recording [um]; FFNN2015 names 6 um on a range of
     50 um."""
-    coverage: tuple[Annotated[float, Range(least=0.0, most=1.0)], ...] = (0.85, 0.95)
-    """Least and greatest share of samples inside the 90 % interval that follows the probe [1]. The
-    aim is 0.88 to 0.92.  Samples of a recording hang together, so that a dozen recordings are
-    hardly more than a dozen draws: an interval that is right covers them with a standard deviation
-    of 0.02 to 0.05, and a narrower limit would decide by chance.  The upper one decides from
-    ``MANY_GROUPS`` training recordings on: with fewer the width is that of the worst of them, wider
-    than 90 % by design."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if len(self.coverage) != 2 or self.coverage[0] > self.coverage[1]:
-            raise ValueError(
-                f"deformation_limits.coverage = {list(self.coverage)} must be the least and the "
-                "greatest share"
-            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,15 +118,12 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
         """Growth in all, growth by regime, and growth with the interval that follows the probe.
 
         Persistence is to be beaten by whichever method serves.  Intervals are judged as they are
-        served, those that no probe moves by their least share.
+        served, those that no probe moves and those that follow it.
         """
         limits = settings.deformation_limits
         others = tuple(name for name in model.compared if name != model.champion)
         beaten = tuple(name for name in SIMPLE if name in others)
         of_regime = {"max": limits.max_um, "rmse": limits.rmse_um}
-        least, most = limits.coverage
-        if model.bands[ALL_REGIMES].groups < MANY_GROUPS:
-            most = 1.0  # the width of so few recordings is the worst of them: it holds more
         return (
             Target(
                 quantity=GROWTH, unit="um", baselines=others,
@@ -144,12 +133,12 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
             *(
                 Target(
                     quantity=GROWTH, unit="um", regime=regime, limits=of_regime, baselines=beaten,
-                    coverage=(least, 1.0), widens=True,
+                    coverage=limits.share, widens=True,
                 )
                 for regime in REGIMES
             ),
             *(
-                Target(quantity=FOLLOWED, unit="um", regime=regime, coverage=(least, most),
+                Target(quantity=FOLLOWED, unit="um", regime=regime, coverage=limits.share,
                        widens=True)
                 for regime in REGIMES
             ),

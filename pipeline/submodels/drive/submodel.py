@@ -31,7 +31,7 @@ from pipeline.schema.drive import (
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Band, LeftOut, SourceFile, significant
-from pipeline.schema.ranges import Positive, Ranged
+from pipeline.schema.ranges import Positive
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role, widest
 from pipeline.signals.windows import row_period
@@ -40,6 +40,7 @@ from pipeline.submodels.contract import (
     VELOCITY,
     Ends,
     Input,
+    IntervalLimits,
     Prediction,
     Predictor,
     Shown,
@@ -82,7 +83,7 @@ SHOWN = 4000
 
 
 @dataclass(frozen=True, kw_only=True)
-class DriveLimits(Ranged, section="drive_limits"):
+class DriveLimits(IntervalLimits, section="drive_limits"):
     """Limits on every recording that the drives were not identified from."""
 
     force_percent: Positive = 15.0
@@ -148,10 +149,12 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
                 Target(
                     quantity=f"{FORCE} {letter}", unit=axis.force_unit, baselines=(LEVEL,),
                     limits={"relative_percent": limits.force_percent},
+                    coverage=limits.share if FORCE in axis.intervals else None,
                 ),
                 Target(
                     quantity=f"{FOLLOWING} {letter}", unit="um", baselines=(LAG,),
                     limits={"relative_percent": share, "max_percent": share},
+                    coverage=limits.share if FOLLOWING in axis.intervals else None,
                 ),
             )
         ) + tuple(

@@ -12,7 +12,7 @@ from pipeline.nets.settings import TuningSettings
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import LeftOut, SourceFile
-from pipeline.schema.ranges import Positive, Ranged, Share
+from pipeline.schema.ranges import Positive
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.signals.windows import row_period
@@ -22,6 +22,7 @@ from pipeline.submodels.contract import (
     VELOCITY,
     Ends,
     Input,
+    IntervalLimits,
     Prediction,
     Predictor,
     Shown,
@@ -59,24 +60,12 @@ COMPARED = 400
 
 
 @dataclass(frozen=True, kw_only=True)
-class ResidualLimits(Ranged, section="following_residual_limits"):
+class ResidualLimits(IntervalLimits, section="following_residual_limits"):
     """Limits on recordings that no network was trained on."""
 
-    coverage: tuple[Share, ...] = (0.8, 1.0)
-    """Least and greatest share of samples inside the 90 % interval over all recordings [1].  The
-    aim is 0.9; samples of a recording hang together, and a dozen recordings are hardly more than a
-    dozen draws."""
     most_percent: Positive = 70.0
     """Greatest RMSE over the RMS of the following error itself [%]: at 70 half of its mean square
     is predicted, whatever the interval holds and whichever method serves."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if len(self.coverage) != 2 or self.coverage[0] > self.coverage[1]:
-            raise ValueError(
-                f"following_residual_limits.coverage = {list(self.coverage)} must be the least and "
-                "the greatest share"
-            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,7 +141,6 @@ class FollowingResidual(SubModel[Fitting, Judging, ResidualModel]):
         beat where it serves: every axis has to be predicted in its own right.
         """
         limits = settings.following_residual_limits
-        least, most = limits.coverage
         found = []
         for letter, uses in model.axes.items():
             for use, one in uses.items():
@@ -163,7 +151,7 @@ class FollowingResidual(SubModel[Fitting, Judging, ResidualModel]):
                 found.append(
                     Target(
                         quantity=f"{QUANTITIES[use]} {letter}", unit="um", baselines=others,
-                        must_beat=(base,) if base in others else (), coverage=(least, most),
+                        must_beat=(base,) if base in others else (), coverage=limits.share,
                         most_percent=limits.most_percent,
                         titles=titles(with_drive=model.with_drive),
                     )
@@ -199,7 +187,7 @@ class FollowingResidual(SubModel[Fitting, Judging, ResidualModel]):
             cases.append(
                 Case(
                     name=run.name, group=run.group, role=of_run, load=_constant(driven),
-                    files=(SourceFile(file=run.file, sha256=run.sha256),),
+                    files=(SourceFile(file=run.name, sha256=run.sha256),),
                     conditions={} if of_run == "sealed" else _conditions(run),
                 )
             )  # fmt: skip

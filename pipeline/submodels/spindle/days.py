@@ -22,7 +22,7 @@ from pipeline.schema.verdict import Fact
 from pipeline.signals.windows import StateSegment
 from pipeline.submodels.cases import Case
 from pipeline.submodels.conformal import Labels, adaptive, interval
-from pipeline.submodels.contract import Prediction
+from pipeline.submodels.contract import IntervalLimits, Prediction
 from pipeline.twin.spindle import (
     TARGET,
     SpindleIntervals,
@@ -126,7 +126,7 @@ START_S = 3600.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpindleLimits(Ranged, section="spindle_limits"):
+class SpindleLimits(IntervalLimits, section="spindle_limits"):
     """Limits on the errors of a spindle's temperature (Twin2026)."""
 
     window_s: Positive = 3600.0
@@ -134,9 +134,6 @@ class SpindleLimits(Ranged, section="spindle_limits"):
     mae_K: Positive = 2.0
     rmse_K: Positive = 3.0
     """Limits on every working day, in windows [K]."""
-    coverage_least: Share = 0.8
-    coverage_most: Share = 1.0
-    """Limits on the share of samples inside the 90 % interval, over all days together [1]."""
     working_day_s: Positive = 3600.0
     """Least recorded time of a working day [s]."""
     bridge_s: NotNegative = 600.0

@@ -142,8 +142,7 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
         """Temperature in windows, which is judged, as a free run and in parts, which are shown."""
         limits = settings.spindle_limits
         others = tuple(BASELINE_TITLES)
-        share = (limits.coverage_least, limits.coverage_most)
-        coverage = None if model.intervals is None else share
+        coverage = None if model.intervals is None else limits.share
         return (
             Target(
                 quantity=TARGET, unit="K", regime=WINDOWS, baselines=others,

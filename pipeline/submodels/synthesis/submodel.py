@@ -134,7 +134,7 @@ class SynthesisOfSignals(SubModel[Fitting, Judging, SynthesisModel]):
                     role=_role(roles),
                     load=_constant(Life(windows=life.windows, wear=records.wear)),
                     conditions=_conditions(life),
-                    files=tuple(SourceFile(file=one.file, sha256=one.sha256) for one in life.files),
+                    files=tuple(SourceFile(file=one.name, sha256=one.sha256) for one in life.files),
                 )
             )
         left_out = tuple(LeftOut(case=n, reason=why) for n, why in found.left_out.items())

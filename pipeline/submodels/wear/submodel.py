@@ -13,18 +13,18 @@ from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Condition, LeftOut, Model, SourceFile
 from pipeline.schema.predictions import AGAIN
-from pipeline.schema.ranges import Positive, Ranged, Share
+from pipeline.schema.ranges import Positive, Share
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.signals.units import conversion
 from pipeline.signals.wear_lives import read_lives
 from pipeline.signals.wear_windows import ToolLife, WearRecords, WearWindows
 from pipeline.submodels.cases import Case, Cases, Records, Roles, role_of
-from pipeline.submodels.conformal import ALL_REGIMES, MANY_GROUPS
 from pipeline.submodels.contract import (
     CUTTING_TIME,
     Ends,
     Input,
+    IntervalLimits,
     Prediction,
     Predictor,
     Shown,
@@ -72,7 +72,7 @@ def life_cases(
     }
     cases = []
     for life, role in by_role:
-        files = [SourceFile(file=one.file, sha256=one.sha256) for one in life.files]
+        files = [SourceFile(file=one.name, sha256=one.sha256) for one in life.files]
         if role != "training":
             files += _copied(life, learnt)
         conditions = {} if role == "sealed" else _furthest(life, training)
@@ -182,7 +182,7 @@ def windows_of_table(table: "pd.DataFrame", file: WearModel) -> tuple[WearWindow
 
 
 @dataclass(frozen=True, kw_only=True)
-class WearLimits(Ranged, section="wear_limits"):
+class WearLimits(IntervalLimits, section="wear_limits"):
     """Limits on the error of each tool that no method was fitted on."""
 
     rmse_um: Positive = 30.0
@@ -194,17 +194,6 @@ class WearLimits(Ranged, section="wear_limits"):
     """Least area under the ROC curve of worn tools over all that were held out [1]; 0.7 is
     "acceptable" discrimination (Hosmer, Lemeshow and Sturdivant 2013, Applied Logistic Regression,
     5.2.4), a coin has 0.5."""
-    coverage: tuple[Share, ...] = (0.8, 0.98)
-    """Least and greatest share of readings inside the 90 % interval [1].  The upper one decides
-    from ``MANY_GROUPS`` training tools on: fewer may differ more than those to come."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if len(self.coverage) != 2 or self.coverage[0] > self.coverage[1]:
-            raise ValueError(
-                f"wear_limits.coverage = {list(self.coverage)} must be the least and the greatest "
-                "share"
-            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -262,14 +251,11 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
                     least_auc=limits.least_auc,
                 ),
             )  # fmt: skip
-        least, most = limits.coverage
-        if model.bands[model.champion][ALL_REGIMES].groups < MANY_GROUPS:
-            most = 1.0
         return (
             Target(
                 quantity=model.quantity, unit=model.wear_unit, baselines=others,
                 limits={"rmse": limits.rmse_um}, must_beat=beaten, titles=NAMES,
-                coverage=(least, most),
+                coverage=limits.share,
             ),
         )  # fmt: skip
 

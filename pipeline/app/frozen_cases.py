@@ -1,0 +1,222 @@
+"""Cases of each sub-model of a machine in its frozen sets, and what is too little to freeze."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from glob import escape
+from typing import Any
+
+from pipeline.app.fleet import CONF, DATA, machine_parameters
+from pipeline.app.golden_sets import freeze_set
+from pipeline.app.output import many
+from pipeline.champions.serving import history_of
+from pipeline.fleet import Fleet
+from pipeline.parameters import read_yaml, section_path, structure
+from pipeline.schema.days import is_day
+from pipeline.schema.golden import FrozenSet, GoldenSets, read_golden
+from pipeline.schema.model import LeftOut, SourceFile
+from pipeline.schema.verdict import Role
+from pipeline.signals.conditions import PART, selection
+from pipeline.submodels.cases import Case, Cases, Records, Roles
+from pipeline.submodels.contract import sections, submodel
+
+SEALED_OF = 4
+"""Groups that nothing learns from of which one is sealed [1]."""
+ROLES: tuple[Role, ...] = ("golden", "sealed", "held_out", "training")
+"""Roles in the order in which their cases are counted."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrozenCases:
+    """Cases of a sub-model by role, and why fewer are frozen than its two sets need."""
+
+    submodel: str
+    golden: int = 0
+    sealed: int = 0
+    held_out: int = 0
+    training: int = 0
+    """Cases of each role."""
+    lacking: str = ""
+    """Why the sub-model has no golden or no sealed case; empty where it has both."""
+
+
+def frozen_cases(machine: str) -> dict[str, Any]:
+    """Frozen sets of ``machine`` and its cases by sub-model and role, from its ingested records."""
+    manifest = DATA / "signals" / machine / "manifest.json"
+    values = machine_parameters(machine)
+    if not manifest.exists():
+        raise ValueError(f"{manifest} does not exist: run `dvc repro ingest@{machine}` first")
+    sets = read_golden(DATA / "golden" / f"{machine}.json")
+    known = sets or GoldenSets(machine=machine)
+    looks = [one for one in history_of(machine) if one.sealed]
+    return {
+        "machine": machine,
+        "golden": _summary(known.golden),
+        "sealed": _summary(known.sealed),
+        "looks": len(looks),
+        "submodels": [
+            asdict(_counted(name, _cases(name, machine, values, sets)))
+            for name in _submodels(machine)
+        ],
+    }
+
+
+def frozen_lines(found: dict[str, Any]) -> list[list[str]]:
+    """Rows of the table of :func:`frozen_cases`, its head first."""
+    heads = ["sub-model", *(role.replace("_", " ") for role in ROLES), "not frozen"]
+    return [
+        heads,
+        *(
+            [one["submodel"], *(str(one[role]) for role in ROLES), one["lacking"] or "-"]
+            for one in found["submodels"]
+        ),
+    ]
+
+
+def frozen_head(found: dict[str, Any]) -> str:
+    """Sentence on the two sets of :func:`frozen_cases`."""
+    said = [
+        f"{name} set {many(found[name]['files'], 'file')}, sha256 {found[name]['sha256'][:12]}"
+        if found[name] else f"no {name} set"
+        for name in ("golden", "sealed")
+    ]  # fmt: skip
+    looked = f", {many(found['looks'], 'look')}" if found["sealed"] else ""
+    return f"{found['machine']}: {'; '.join(said)}{looked}"
+
+
+def _counted(name: str, cases: Cases) -> FrozenCases:
+    counts = {role: len(cases.of(role)) for role in ROLES}
+    refused = "" if cases.cases or not cases.left_out else f"no case: {cases.left_out[0].reason}"
+    return FrozenCases(submodel=name, **counts, lacking=refused or lacking(cases))
+
+
+def _summary(frozen: FrozenSet | None) -> dict[str, Any] | None:
+    return None if frozen is None else {"files": len(frozen.files), "sha256": frozen.sha256}
+
+
+def _submodels(machine: str) -> list[str]:
+    """Sub-models of a machine by the fleets that it stands in."""
+    found: set[str] = set()
+    for path in sorted((CONF / "fleet").glob("*.yaml")):
+        fleet = structure({"fleet": read_yaml(path.read_text())}, "fleet", Fleet)
+        found |= set(fleet.submodels_of(machine))
+    return sorted(found)
+
+
+def _cases(name: str, machine: str, values: dict[str, Any], sets: GoldenSets | None) -> Cases:
+    """Cases of a sub-model; without any, and with the reason, where its records are refused."""
+    one = submodel(name)
+    places = {
+        "raw": DATA / "raw" / machine,
+        "signals": DATA / "signals" / machine,
+        "clean": DATA / "clean" / machine,
+        "manifest": DATA / "signals" / machine / "manifest.json",
+        "drive": DATA / "models" / machine / "drive",
+        "wear": DATA / "models" / machine / "wear",
+    }
+    judging = {
+        section: structure(values, section_path(values, section, machine), wanted)
+        for section, wanted in sections(one.judging).items()
+    }
+    records = Records(**{key: places[key] for key in one.reads})
+    try:
+        return one.cases(records, one.judging(**judging), sets)
+    except ValueError as error:
+        return Cases(cases=(), left_out=(LeftOut(case=name, reason=str(error)),))
+
+
+def _free(cases: Cases) -> list[Case]:
+    """Cases that may be frozen: nothing learns from their bytes, or from a time of their file.
+
+    Days of a log may be, beside those that are learnt from, and parts of a table by its columns.
+    """
+    training = [one for case in cases.of("training") for one in case.files]
+    learnt = {one.sha256 for one in training}
+    begun = {one.file.partition(PART)[0] for one in training if not selection(one.file)[1]}
+
+    def is_free(case: Case, one: SourceFile) -> bool:
+        if is_day(case.group):
+            return True
+        parted = bool(selection(one.file)[1])
+        return one.sha256 not in learnt and (parted or one.file.partition(PART)[0] not in begun)
+
+    others = cases.of("golden", "sealed", "held_out")
+    return [case for case in others if all(is_free(case, one) for one in case.files)]
+
+
+def lacking(cases: Cases) -> str:
+    """Why some set has no case; empty where both have one."""
+    there = [role for role in ("golden", "sealed") if cases.of(role)]
+    if len(there) == 2:
+        return ""
+    groups = len({case.group for case in _free(cases)})
+    left = f"{many(groups, 'group')} that nothing learns from"
+    needed = f"{SEALED_OF} are needed, {SEALED_OF - 1} to judge by and 1 to seal"
+    if groups < SEALED_OF:
+        return f"too little to {'seal' if there == ['golden'] else 'freeze'}: {left}, {needed}"
+    missing = " and ".join(one for one in ("golden", "sealed") if one not in there)
+    return f"{left}, none in the {missing} set: freeze them with `kerf golden --split`"
+
+
+def split_sets(machine: str, again: Callable[[str], bool]) -> None:
+    """Freeze all that nothing of ``machine`` learns from, as its golden and its sealed set.
+
+    Groups are whole (days, recordings, tools), days those after the ones that are learnt from;
+    :func:`sealed_of` says which are sealed.
+    """
+    values = machine_parameters(machine)
+    by_name = {name: _cases(name, machine, values, None) for name in _submodels(machine)}
+    roles = structure(values, section_path(values, "roles", machine), Roles)
+    learnt = {one.file for cases in by_name.values() for case in cases.of("training")
+              for one in case.files}  # fmt: skip
+    after = "" if roles.training_days is None else roles.training_days.last
+    golden: set[str] = set()
+    sealed: set[str] = set()
+    days: tuple[list[str], list[str]] = ([], [])
+    for cases in by_name.values():
+        groups: dict[str, list[Case]] = {}
+        for case in sorted(_free(cases), key=lambda one: one.name):
+            if is_day(case.group):
+                ours = case.group > after
+            else:
+                ours = not any(f.file in learnt or roles.is_training(f.file) for f in case.files)
+            if ours:
+                groups.setdefault(case.group, []).append(case)
+        last = sealed_of(groups)
+        for group, own in groups.items():
+            files = {one.file for case in own for one in case.files}
+            if is_day(group):
+                days[group in last].append(group)
+            elif not files & golden and (files & sealed or group in last):
+                sealed |= files
+            else:
+                golden |= files - sealed
+    for is_sealed, files in ((False, golden), (True, sealed)):
+        if files or days[is_sealed]:
+            freeze_set(
+                machine, first=min(days[is_sealed], default=None),
+                last=max(days[is_sealed], default=None),
+                files=[escape(one) for one in sorted(files)], sealed=is_sealed, again=again,
+            )  # fmt: skip
+
+
+def sealed_of(groups: Mapping[str, Sequence[Case]]) -> set[str]:
+    """Groups to seal, of those in order that nothing learns from: one of four.
+
+    Of days they are the last; of others the last of each four without which the golden ones still
+    have every condition that it has, so that what a set judges does not shrink.
+    """
+    names = list(groups)
+    if names and all(is_day(name) for name in names):
+        return set(names[len(names) - len(names) // SEALED_OF :])
+    kinds = {
+        name: {kind for case in own for kind, fact in case.conditions.items() if fact.value}
+        for name, own in groups.items()
+    }
+    found: set[str] = set()
+    for start in range(0, len(names) - SEALED_OF + 1, SEALED_OF):
+        for name in reversed(names[start : start + SEALED_OF]):
+            others = set().union(*(kinds[one] for one in names if one not in {*found, name}))
+            if kinds[name] <= others and (kinds[name] or not any(kinds.values())):
+                found.add(name)
+                break
+    return found
