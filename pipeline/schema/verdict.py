@@ -156,6 +156,17 @@ class GoldenUsed:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Canary:
+    """A check of whether a model has seen what it predicts; a failed one fails the verdict."""
+
+    name: str
+    status: Literal["passed", "failed"]
+    """Name of the check, and its result."""
+    words: str
+    """Figures that it rests on; the cause and what to do where it failed."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Verdict:
     """The content of ``verdict.json``."""
 
@@ -182,6 +193,8 @@ class Verdict:
     """Cases that were compared."""
     left_out: tuple[LeftOut, ...] = ()
     """Cases that were not compared, with the reason."""
+    canaries: tuple[Canary, ...] = ()
+    """Checks for what was predicted among the inputs; empty where there was nothing to check."""
 
     def of(
         self, quantity: str, *, group: str | None = None, role: Role | None = None
