@@ -12,6 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_type_hints
 
+from pipeline.schema.arrays import Floats
 from pipeline.schema.model import Model, Parameter
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Score, Verdict
@@ -99,6 +100,22 @@ class Target:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class SeenInputs:
+    """Inputs of a case beside what is learnt from them, T rows in the order of ``t``.
+
+    NaN stands where a value is not known.  The judge probes them for the measurement itself.
+    """
+
+    quantity: str
+    """Learnt quantity."""
+    t: Floats
+    measured: Floats
+    """Time or use of the tool, and what was measured; shape (T,)."""
+    inputs: Mapping[str, Floats]
+    """Inputs by name, in each row as the model has them then; shape (T,) each."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
     """Prediction of one case."""
 
@@ -111,6 +128,8 @@ class Prediction:
     """Why it is not judged, where it is not; or what limits what can be compared."""
     cause: str = ""
     """Fault of the case's record that would explain its errors; "" where there is none."""
+    seen: tuple[SeenInputs, ...] = ()
+    """Inputs of what learns from measured ones; empty where all inputs are commands."""
 
 
 Predictor = Callable[[Case], Prediction]

@@ -25,7 +25,16 @@ from pipeline.submodels.conformal import (
     adaptive,
     interval,
 )
-from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import (
+    Ends,
+    Input,
+    Prediction,
+    Predictor,
+    SeenInputs,
+    Shown,
+    SubModel,
+    Target,
+)
 from pipeline.submodels.deformation.fit import FEWEST_PROFILES, columns_of, errors_of, fit_growth
 from pipeline.submodels.deformation.methods import METHODS, SIMPLE
 from pipeline.submodels.deformation.model import (
@@ -329,7 +338,9 @@ def _predicted(profile: Profile, model: GrowthModel) -> Prediction:
     if not given.all():
         facts["without correction"] = Fact(value=float(f"{100 * np.mean(~given):.3g}"), unit="%")
         facts["no correction because"] = Fact(value=str(reason[~given][0]))
-    return Prediction(frame=frame, facts=facts)
+    inputs = file.values(profile.state)
+    seen = SeenInputs(quantity=GROWTH, t=time, measured=measured, inputs=inputs)
+    return Prediction(frame=frame, facts=facts, seen=(seen,))
 
 
 def _drawn(by_seed: Floats) -> dict[str, Floats]:
