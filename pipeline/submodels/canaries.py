@@ -135,7 +135,12 @@ def strongest(tables: Sequence[SeenInputs]) -> Explained | None:
         and np.mean([np.isfinite(one.inputs[name]).mean() for one in tables]) >= KNOWN
     ]  # fmt: skip
     found = [one for apart in APART if names for one in _explained(tables, names, apart)]
-    return max(found, key=lambda one: one.share / one.bound, default=None)
+    return max(found, key=_grave, default=None)
+
+
+def _grave(one: Explained) -> tuple[bool, float]:
+    """Order of gravity: an input that is a copy goes before a sum of several."""
+    return bool(one.name) and one.share >= one.bound, one.share / one.bound
 
 
 def _explained(
