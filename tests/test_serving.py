@@ -50,7 +50,7 @@ def served(machine: str, scratch: Path) -> Iterator[str]:
             [sys.executable, "-m", "mlflow", "models", "serve", "-m", str(place),
              "--env-manager", "virtualenv", "-p", port],
             cwd=scratch, stdout=log, stderr=log, start_new_session=True,
-            env=own | {"MLFLOW_ENV_ROOT": str(scratch / "environments")},
+            env={"MLFLOW_ENV_ROOT": str(scratch / "environments")} | own,
         )  # fmt: skip
         try:
             address = f"http://127.0.0.1:{port}"
