@@ -36,6 +36,7 @@ from pipeline.charts.tables import (
 )
 from pipeline.schema.model import LeftOut, Model
 from pipeline.schema.verdict import (
+    Canary,
     Fact,
     JudgedCase,
     NextRecording,
@@ -497,6 +498,18 @@ def left_out_table(verdict: Verdict, made: Sequence[Source]) -> Table | None:
     )]  # fmt: skip
     return tabulated(f"Records that were not compared ({number(len(rows))}), and why", rows, LEFT,
                      made, most=MOST_ROWS, folded=len(rows) > 10)  # fmt: skip
+
+
+CANARIES: tuple[Column[Canary], ...] = (
+    Column("Check", lambda c: c.name), Column("result", lambda c: c.status),
+    Column("figures", lambda c: c.words),
+)  # fmt: skip
+
+
+def canaries_table(verdict: Verdict, made: Sequence[Source]) -> Table | None:
+    """Checks of whether the model has seen what it predicts."""
+    caption = "Checks of whether the model has seen what it predicts"
+    return tabulated(caption, verdict.canaries, CANARIES, made, most=MOST_ROWS, folded=True)
 
 
 def training_table(model: Model, made: Sequence[Source]) -> Table | None:

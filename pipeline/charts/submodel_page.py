@@ -562,6 +562,7 @@ class _Frame:
             judged.singles_table(self.files.predictions, self.made("predictions.parquet")),
             judged.cases_table(v, made, self.content.shown_facts),
             judged.outside_table(v, made), judged.left_out_table(v, made),
+            judged.canaries_table(v, made),
         )  # fmt: skip
         return Section(key=key, title=title, text=[w for w in text if w], blocks=blocks)
 

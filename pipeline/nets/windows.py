@@ -53,6 +53,10 @@ class WindowInput(Ranged, section="input"):
     """A measurement that is used when it is at least this old [s]; None for what is known before
     the motion."""
 
+    def rows(self, step_s: float) -> int:
+        """Age in rows of ``step_s`` [s]."""
+        return 0 if self.older_than_s is None else ceil(self.older_than_s / step_s * (1 - 1e-12))
+
 
 @dataclass(frozen=True, eq=False)
 class Joined:
@@ -220,10 +224,7 @@ def _of_recording(
     recording: Recording, inputs: Sequence[WindowInput], target: str, length: int
 ) -> Windows:
     """Windows of one recording; there may be none."""
-    lags = [
-        0 if one.older_than_s is None else ceil(one.older_than_s / recording.step_s * (1 - 1e-12))
-        for one in inputs
-    ]
+    lags = [one.rows(recording.step_s) for one in inputs]
     truth = np.asarray(recording.signals[target], dtype=np.float64)
     first = length - 1 + max(lags)
     at = np.arange(first, len(truth))

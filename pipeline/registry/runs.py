@@ -1,5 +1,6 @@
 """Registering a bundle: one run with settings, key figures, curves, hashes and the pyfunc."""
 
+import json
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping
@@ -32,7 +33,7 @@ from pipeline.schema.bundle import PREDICTIONS, SERVED, VERDICT, Bundle, Served,
 from pipeline.schema.model import Model
 from pipeline.schema.predictions import first_judged, read_predictions, shown_predictions
 from pipeline.schema.store import read_json
-from pipeline.schema.verdict import Score, Verdict
+from pipeline.schema.verdict import Score, Status, Verdict
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,8 +45,12 @@ BATCH = 100
 """Parameters that MLflow takes in one call."""
 ROLES = {"golden": "golden records", "held_out": "records held out of the fit"}
 """Records that a verdict rests on, in words."""
+GRAVEST: tuple[Status, ...] = ("failed", "not decided", "not judged", "passed")
+"""Order of the sub-models in a card."""
 LONGEST = 5000
 """Characters of a description that every store of MLflow takes."""
+DIGEST = 32
+"""Characters of a data set's hash that MLflow takes."""
 MOST = 8
 """Reasons, conditions and cases of a kind that a card names."""
 SIDE, MARGIN = 420, 60
@@ -78,10 +83,7 @@ def _log(
     import mlflow
 
     signature, units = _described(bundle, folder)
-    tags = provenance(bundle, folder, root, made_with) | {
-        f"unit.{name}.{plain(column)}": unit
-        for name, columns in units.items() for column, unit in columns.items() if unit
-    }  # fmt: skip
+    tags = provenance(bundle, folder, root, made_with)  # units stand in the model's metadata
     mlflow.set_experiment(experiment)
     card = model_card(bundle, folder, units)
     with mlflow.start_run(run_name=f"{bundle.machine}-{bundle.sha256[:8]}") as run:
@@ -93,6 +95,9 @@ def _log(
         _log_curves(bundle, folder, root)
         mlflow.set_tags(tags | {"mlflow.note.content": as_description(card)})
         mlflow.log_text(card, "model_card.md")
+        client_of(root).log_inputs(
+            run.info.run_id, [_training_set(name, folder / name, root) for name in bundle.submodels]
+        )
         _log_identifications(bundle, folder, root, figures)
         model_id = _log_pyfunc(bundle, folder, root, signature, units, run.info)
     client, name = client_of(root), model_name(bundle.machine)
@@ -172,6 +177,21 @@ def _log_identifications(
             })  # fmt: skip
 
 
+def _training_set(name: str, folder: Path, root: Path) -> Any:
+    """Raw files that a sub-model was fitted on, as an MLflow data set with the hash over them."""
+    from mlflow.entities import Dataset, DatasetInput, InputTag
+
+    files = training_files(name, folder)
+    uri = (root / "data/raw" / model_of_bundle(name, folder).machine).as_posix()
+    return DatasetInput(
+        Dataset(
+            name=f"{name}, {len(files)} training files", digest=hash_of_files(files)[:DIGEST],
+            source_type="local", source=json.dumps({"uri": uri}),
+        ),
+        [InputTag("mlflow.data.context", "training")],
+    )  # fmt: skip
+
+
 def _log_curves(bundle: Bundle, folder: Path, root: Path) -> None:
     """Training curves of every sub-model, a step an epoch."""
     import mlflow
@@ -232,7 +252,10 @@ def model_card(bundle: Bundle, folder: Path, units: Mapping[str, Mapping[str, st
     ]
     if bundle.origin != "recorded":
         lines += ["", "Simulated: its records are of a simulated shop floor, not of a machine."]
-    for name in bundle.submodels:
+    # a description is cut off at its end: what failed stands before what passed
+    for name in sorted(
+        bundle.submodels, key=lambda one: GRAVEST.index(bundle.submodels[one].status)
+    ):
         lines += ["", *_part(name, folder / name, units.get(name, {}))]
     return "\n".join(lines) + "\n"
 

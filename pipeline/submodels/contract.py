@@ -12,6 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, TypeVar, get_type_hints
 
+from pipeline.schema.arrays import Floats
 from pipeline.schema.model import Model, Parameter
 from pipeline.schema.ranges import Range, Ranged
 from pipeline.schema.store import read_json
@@ -125,6 +126,22 @@ class IntervalLimits(Ranged):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class SeenInputs:
+    """Inputs of a case beside what is learnt from them, T rows in the order of ``t``.
+
+    NaN stands where a value is not known.  The judge probes them for the measurement itself.
+    """
+
+    quantity: str
+    """Learnt quantity."""
+    t: Floats
+    measured: Floats
+    """Time or use of the tool, and what was measured; shape (T,)."""
+    inputs: Mapping[str, Floats]
+    """Inputs by name, in each row as the model has them then; shape (T,) each."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
     """Prediction of one case."""
 
@@ -137,6 +154,8 @@ class Prediction:
     """Why it is not judged, where it is not; or what limits what can be compared."""
     cause: str = ""
     """Fault of the case's record that would explain its errors; "" where there is none."""
+    seen: tuple[SeenInputs, ...] = ()
+    """Inputs of what learns from measured ones; empty where all inputs are commands."""
 
 
 Predictor = Callable[[Case], Prediction]

@@ -26,14 +26,12 @@ from pipeline.schema.verdict import (
     widening,
 )
 from pipeline.submodels import scoring
+from pipeline.submodels.canaries import canaries, failures
 from pipeline.submodels.cases import Case, Cases, golden_used, leak_reasons, set_reasons
 from pipeline.submodels.contract import Predictor, Target
 from pipeline.submodels.coverage import CheckReasons, covered
 from pipeline.submodels.statistics import auc, spread_of
 
-CANARY_SAMPLES, CANARY_VALUES = 100, 10
-"""Samples, and different values among them, from which on a prediction without any error at all has
-seen what it predicts [1]."""
 WORDS = {
     "mae": "mean error",
     "rmse": "RMSE",
@@ -85,10 +83,11 @@ def judge(
         score for target in targets for score in _scores(frame, target, deciding, beyond, known)
     ]
     decisive = [s for s in scores if s.status != "not judged" and not s.alone]
+    checked = canaries((one for _, one in predicted), frame, targets, deciding)
     broken = [
         *set_reasons(model, sets, files),
         *leak_reasons(model, cases.of("golden", "held_out", "sealed")),
-        *(reason for target in targets for reason in seen_reasons(frame, target, deciding)),
+        *failures(checked),
     ]
     status, reasons = _status(model, cases, decisive, broken, sets)
     if status == "failed":
@@ -118,6 +117,7 @@ def judge(
         ),
         left_out=cases.left_out,
         sealed=len(cases.of("sealed")),
+        canaries=checked,
     )  # fmt: skip
     return Judged(verdict=verdict, predictions=frame)
 
@@ -323,20 +323,6 @@ def _ordered(rows: pd.DataFrame, target: Target) -> CheckReasons:
     if abs(area - target.least_auc) < spread:
         return [], [f"{said} {_near(f'the limit of {target.least_auc:g}', spread, '')}"]
     return ([f"{said} below {target.least_auc:g}"] if area < target.least_auc else []), []
-
-
-def seen_reasons(frame: pd.DataFrame, target: Target, deciding: Role) -> list[str]:
-    """A target whose prediction equals its measurement bit for bit: it has seen it."""
-    rows = scoring.scored_rows(frame, target)
-    rows = rows[rows["role"] == deciding] if len(rows) else rows
-    if len(rows) < CANARY_SAMPLES or rows["measured"].nunique() < CANARY_VALUES:
-        return []
-    if not np.array_equal(rows["measured"].to_numpy(float), rows["predicted"].to_numpy(float)):
-        return []
-    return [
-        f"{target.quantity}: all {len(rows)} predictions equal what was measured bit for bit: an "
-        "input of the model holds the measurement, find it and leave it out"
-    ]
 
 
 def _status(

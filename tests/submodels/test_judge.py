@@ -27,9 +27,10 @@ from pipeline.schema.verdict import (
     outside_conditions,
     widening,
 )
+from pipeline.submodels.canaries import canaries, failures
 from pipeline.submodels.cases import Case, Cases, Roles, conditions_of, held_back, role_of
 from pipeline.submodels.contract import Prediction, Target, submodel
-from pipeline.submodels.judge import judge, metrics, seen_reasons
+from pipeline.submodels.judge import judge, metrics
 from pipeline.submodels.scoring import figures
 
 ERRORS = {"train": 0.1, "a": 0.2, "b": 0.3, "c": 0.4}
@@ -697,8 +698,8 @@ def test_a_prediction_without_any_error_has_seen_what_it_predicts(
         "predicted": measured, "scored": True,
     })  # fmt: skip
     target = Target(quantity="load", unit="N")
-    said = seen_reasons(frame, target, "held_out")
+    said = failures(canaries((), frame, [target], "held_out"))
     assert len(said) == found
     assert all("an input of the model holds the measurement" in one for one in said)
     frame.loc[3, "predicted"] += 1e-9
-    assert seen_reasons(frame, target, "held_out") == []
+    assert failures(canaries((), frame, [target], "held_out")) == []

@@ -29,6 +29,7 @@ from pipeline.submodels.contract import (
     IntervalLimits,
     Prediction,
     Predictor,
+    SeenInputs,
     Shown,
     SubModel,
     Target,
@@ -318,7 +319,9 @@ def _predicted(profile: Profile, model: GrowthModel) -> Prediction:
     if not given.all():
         facts["without correction"] = Fact(value=float(f"{100 * np.mean(~given):.3g}"), unit="%")
         facts["no correction because"] = Fact(value=str(reason[~given][0]))
-    return Prediction(frame=frame, facts=facts)
+    inputs = file.values(profile.state)
+    seen = SeenInputs(quantity=GROWTH, t=time, measured=measured, inputs=inputs)
+    return Prediction(frame=frame, facts=facts, seen=(seen,))
 
 
 def _drawn(by_seed: Floats) -> dict[str, Floats]:

@@ -25,11 +25,12 @@ from pipeline.submodels.contract import (
     IntervalLimits,
     Prediction,
     Predictor,
+    SeenInputs,
     Shown,
     SubModel,
     Target,
 )
-from pipeline.submodels.following_residual.features import Features, features_of
+from pipeline.submodels.following_residual.features import RESIDUAL, Features, features_of
 from pipeline.submodels.following_residual.fit import UM, chosen, fit_axes, leak_shown, searched
 from pipeline.submodels.following_residual.model import (
     ARX,
@@ -336,6 +337,7 @@ def _conditions(run: Run) -> dict[str, Fact]:
 def _predicted(driven: Driven, model: LoadedResidual) -> Prediction:
     frames: list[pd.DataFrame] = []
     facts: dict[str, Fact] = {}
+    seen: list[SeenInputs] = []
     for letter, uses in model.file.axes.items():
         if letter not in driven.run.axes:
             continue
@@ -351,9 +353,25 @@ def _predicted(driven: Driven, model: LoadedResidual) -> Prediction:
                 continue
             frames.append(frame)
             facts |= _facts(frame, letter, use)
+            seen.append(_seen(features, f"{QUANTITIES[use]} {letter}", one, model.file.settle_s))
     if not frames:
         return Prediction(frame=pd.DataFrame(), note="it is shorter than a window or shows no axis")
-    return Prediction(frame=pd.concat(frames, ignore_index=True), facts=facts)
+    return Prediction(frame=pd.concat(frames, ignore_index=True), facts=facts, seen=tuple(seen))
+
+
+def _seen(features: Features, quantity: str, use: UseModel, settle_s: float) -> SeenInputs:
+    """Residual that is learnt [m], once the model has settled, and its inputs, as old as is due."""
+    recording, t = features.recording, features.time
+    learnt = features.known & (recording.step_s * np.arange(len(t)) >= settle_s)
+    inputs = {}
+    for one in use.inputs:
+        if one.name == RESIDUAL:  # its own past is the target by design: the windows hold its age
+            continue
+        late = one.rows(recording.step_s)
+        values = np.asarray(recording.signals[one.name], float)
+        inputs[one.name] = np.concatenate([np.full(late, np.nan), values[: len(t) - late]])
+    measured = np.where(learnt, recording.signals[RESIDUAL], np.nan)
+    return SeenInputs(quantity=quantity, t=t, measured=measured, inputs=inputs)
 
 
 def _frame(

@@ -22,11 +22,12 @@ from pipeline.schema.verdict import Fact
 from pipeline.signals.windows import StateSegment
 from pipeline.submodels.cases import Case
 from pipeline.submodels.conformal import Labels, adaptive, interval
-from pipeline.submodels.contract import IntervalLimits, Prediction
+from pipeline.submodels.contract import IntervalLimits, Prediction, SeenInputs
 from pipeline.twin.spindle import (
     TARGET,
     SpindleIntervals,
     SpindleModel,
+    SpindleRecords,
     spindle_stretches,
     window_starts,
 )
@@ -323,7 +324,21 @@ def predicted_day(
             value=round(int(free_run["scored"].sum()) * step), unit="s"
         ),
     }
-    return Prediction(frame=pd.concat([windows, free_run, *apart], ignore_index=True), facts=facts)
+    return Prediction(
+        frame=pd.concat([windows, free_run, *apart], ignore_index=True), facts=facts,
+        seen=(_seen(day, model.records),),
+    )  # fmt: skip
+
+
+def _seen(day: DayRuns, records: SpindleRecords) -> SeenInputs:
+    """Temperature of a day, the network's free run, and what network and forest look at."""
+    frame, run = day.stretch.frame, day.free_run
+    wanted = dict.fromkeys((*records.inputs, *records.extra))
+    inputs = {name: frame[name].to_numpy(float) for name in wanted if name in frame.columns}
+    return SeenInputs(
+        quantity=TARGET, t=run.seconds, measured=run.measured,
+        inputs={"temperature of the network": run.physics, **inputs},
+    )  # fmt: skip
 
 
 def _rows(run: Run, regime: str, tried: Run | None) -> pd.DataFrame:

@@ -31,6 +31,9 @@ HARMONICS = 8
 """Number of harmonics of the spindle frequency [1]; a cutter's teeth pass at some of them."""
 FLOOR = 1e-3
 """Least amplitude that a logarithm sees, as a share of the channel's scale [1]."""
+SHAPES = ("mean", "deviation", "level", "range", "kurtosis", "skewness", "5 % quantile",
+          "95 % quantile")  # fmt: skip
+"""Features of a channel before those of its spectrum and of the spindle's harmonics."""
 REACH = 4.0
 """Standard deviations of training [1] beyond which a feature counts no further."""
 
@@ -89,6 +92,16 @@ def features(windows: WearWindows, scaling: ChannelScaling, known: KnownConditio
         *_bands(beside), *_harmonics(beside, windows), known.matrix(windows),
     ]  # fmt: skip
     return np.concatenate(parts, axis=1).astype(float)
+
+
+def feature_names(
+    channels: Sequence[str], known: KnownConditions, windows: WearWindows, many: int
+) -> list[str]:
+    """Names of the ``many`` features, in the order of :func:`features`."""
+    others = list(known.columns(windows))
+    further = (many - len(others)) // len(channels) - len(SHAPES)
+    kinds = [*SHAPES, *(f"part {k + 1} of the spectrum" for k in range(further))]
+    return [f"{kind} of {name}" for kind in kinds for name in channels] + others
 
 
 def _log(amplitude: Floats) -> Floats:

@@ -27,6 +27,7 @@ from pipeline.submodels.contract import (
     IntervalLimits,
     Prediction,
     Predictor,
+    SeenInputs,
     Shown,
     SubModel,
     Target,
@@ -34,11 +35,13 @@ from pipeline.submodels.contract import (
 from pipeline.submodels.wear.due import Estimate, due_facts, fit_lasting, parameters
 from pipeline.submodels.wear.fit import fit_wear
 from pipeline.submodels.wear.life import WearLifeSettings
+from pipeline.submodels.wear.methods import feature_names, features
 from pipeline.submodels.wear.model import (
     GUESS,
     MEAN,
     NAMES,
     WEAR,
+    Readings,
     Wear,
     WearFitSettings,
     WearModel,
@@ -388,7 +391,20 @@ def _predicted(case: Case, wear: Wear, life: WearLifeSettings) -> Prediction:
         estimate = Estimate(wear=float(told[-1]), low=float(low[-1]), high=float(high[-1]))
         facts |= due_facts(windows, estimate, file.lasting.life, life)
     note = "" if len(frame) else "its wear was not measured, so that nothing can be held against it"
-    return Prediction(frame=frame, facts=facts, note=note)
+    return Prediction(frame=frame, facts=facts, note=note, seen=(_seen(windows, readings, wear),))
+
+
+def _seen(windows: WearWindows, readings: Readings, wear: Wear) -> SeenInputs:
+    """Measured wear of each reading, and features of the signals, over the use of the tool."""
+    known = wear.fitted.known
+    x = features(windows, wear.fitted.scaling, known)
+    names = feature_names(windows.channels, known, windows, x.shape[1])
+    rows = np.flatnonzero(windows.measured[readings.first])
+    inputs = {name: readings.mean(x[:, k])[rows] for k, name in enumerate(names)}
+    return SeenInputs(
+        quantity=wear.file.quantity, t=np.asarray(windows.progress[readings.first][rows], float),
+        measured=readings.mean(windows.wear)[rows], inputs=inputs,
+    )  # fmt: skip
 
 
 def _seconds(use: Any, unit: str) -> Any:
