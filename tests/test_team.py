@@ -100,6 +100,7 @@ def test_a_server_on_postgresql_and_s3_registers_promotes_and_serves(
     monkeypatch.setattr(tempfile, "tempdir", str(scratch))
     other = shutil.copytree(root, tmp_path / "other")
     shutil.rmtree(other / CHAMPION)
+    shutil.rmtree(other / "data/warm")
     back = rollback(MACHINE, other, why="the oil was changed back", by="Robin")
     assert bundle_of(other / CHAMPION, MACHINE, ["spindle"]).sha256 == back.bundle != now.bundle
     (kept,) = (other / "mlartifacts/from_server").iterdir()

@@ -17,7 +17,7 @@ from pipeline.schema.model import LeftOut, SourceFile
 from pipeline.schema.verdict import Role
 from pipeline.signals.conditions import PART, selection
 from pipeline.submodels.cases import Case, Cases, Records, Roles
-from pipeline.submodels.contract import sections, submodel
+from pipeline.submodels.contract import judging_of, submodel
 
 SEALED_OF = 4
 """Groups that nothing learns from of which one is sealed [1]."""
@@ -105,21 +105,10 @@ def _submodels(machine: str) -> list[str]:
 def _cases(name: str, machine: str, values: dict[str, Any], sets: GoldenSets | None) -> Cases:
     """Cases of a sub-model; without any, and with the reason, where its records are refused."""
     one = submodel(name)
-    places = {
-        "raw": DATA / "raw" / machine,
-        "signals": DATA / "signals" / machine,
-        "clean": DATA / "clean" / machine,
-        "manifest": DATA / "signals" / machine / "manifest.json",
-        "drive": DATA / "models" / machine / "drive",
-        "wear": DATA / "models" / machine / "wear",
-    }
-    judging = {
-        section: structure(values, section_path(values, section, machine), wanted)
-        for section, wanted in sections(one.judging).items()
-    }
-    records = Records(**{key: places[key] for key in one.reads})
+    models = DATA / "models" / machine
+    records = Records.of_machine(DATA, machine, drive=models / "drive", wear=models / "wear")
     try:
-        return one.cases(records, one.judging(**judging), sets)
+        return one.cases(records, judging_of(one, values, machine), sets)
     except ValueError as error:
         return Cases(cases=(), left_out=(LeftOut(case=name, reason=str(error)),))
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pipeline.champions.serving import (
     DATA,
@@ -27,6 +28,9 @@ from pipeline.submodels.promotion import (
     first_rules,
     sealed_rule,
 )
+
+if TYPE_CHECKING:
+    from pipeline.submodels.cases import Records
 
 
 def promotion_settings(root: Path) -> PromotionSettings:
@@ -140,43 +144,30 @@ def _contests(
 
     The settings are those of params.yaml.
     """
-    from pipeline.parameters import section_path, structure
-    from pipeline.submodels.cases import Records
-    from pipeline.submodels.contract import sections, submodel
+    from pipeline.submodels.contract import judging_of, submodel
 
     values, settings = params_of(root), promotion_settings(root)
     found = []
     for name in names:
         one = submodel(name)
-        judging = {
-            section: structure(values, section_path(values, section, machine), wanted)
-            for section, wanted in sections(one.judging).items()
-        }
-        read = [
-            Records(**{key: place for key, place in _places(machine, root, own).items()
-                       if key in one.reads})
-            for own in sides
-        ]  # fmt: skip
+        read = [_records(machine, root, own) for own in sides]
         met = contest(
-            one, one.judging(**judging), read, sets=sets, champion=sides[0] / name,
+            one, judging_of(one, values, machine), read, sets=sets, champion=sides[0] / name,
             challenger=sides[1] / name, settings=settings, look=look,
         )  # fmt: skip
         found += [met] if met is not None else []
     return found
 
 
-def _places(machine: str, root: Path, own: Path) -> dict[str, Path]:
-    """Records of a machine; ``own`` is the folder of the bundle, whose drives it builds on."""
+def _records(machine: str, root: Path, own: Path) -> "Records":
+    """Records of a machine; ``own`` is the folder of the bundle, whose models it builds on."""
     from pipeline.fleet import Fleet
     from pipeline.parameters import structure
+    from pipeline.submodels.cases import Records
 
-    data, models = root / DATA, f"data/models/{machine}/drive"
+    models = f"data/models/{machine}/drive"
     under = structure(params_of(root), "fleet", Fleet).drives_under.get(machine, models)
-    return {
-        "raw": data / "raw" / machine,
-        "signals": data / "signals" / machine,
-        "clean": data / "clean" / machine,
-        "manifest": data / "signals" / machine / "manifest.json",
-        "drive": own / "drive" if under == models else root / under,
-        "wear": own / "wear",
-    }
+    return Records.of_machine(
+        root / DATA, machine, drive=own / "drive" if under == models else root / under,
+        wear=own / "wear",
+    )  # fmt: skip

@@ -19,7 +19,6 @@ import numpy as np
 from pipeline.monitoring.budget import Budget, MonitoringSettings, budgets
 from pipeline.monitoring.drift import Target, decided
 from pipeline.monitoring.reasons import beyond, parts_of
-from pipeline.parameters import section_path, structure
 from pipeline.schema.bundle import MODEL, VERDICT, stored_bundle
 from pipeline.schema.days import day_of_text, is_day, zone_of
 from pipeline.schema.golden import GoldenSets
@@ -28,7 +27,7 @@ from pipeline.schema.model import Model
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 from pipeline.submodels.cases import Case, Cases, Records, nights
-from pipeline.submodels.contract import SubModel, sections, submodel
+from pipeline.submodels.contract import SubModel, judging_of, submodel
 from pipeline.submodels.judge import Judged, judge
 from pipeline.submodels.scoring import ALL, scored_rows
 
@@ -76,10 +75,7 @@ def score_nights(
     found: list[Night] = []
     for name, held in () if bundle is None else bundle.submodels.items():
         one, folder = submodel(name), champion / name
-        judging = one.judging(**{
-            section: structure(values, section_path(values, section, champion.name), wanted)
-            for section, wanted in sections(one.judging).items()
-        })  # fmt: skip
+        judging = judging_of(one, values, champion.name)
         serving = serving_model(
             one, folder, judging, settings, bundle=bundle.sha256 if bundle else "",
             sha256=held.sha256,

@@ -51,6 +51,15 @@ class Records:
     drive: Path | None = None
     wear: Path | None = None
 
+    @classmethod
+    def of_machine(cls, data: Path, machine: str, *, drive: Path, wear: Path) -> "Records":
+        """All records of a machine below ``data``, with the models that others build on."""
+        signals = data / "signals" / machine
+        return cls(
+            raw=data / "raw" / machine, signals=signals, clean=data / "clean" / machine,
+            manifest=signals / "manifest.json", drive=drive, wear=wear,
+        )  # fmt: skip
+
     @property
     def files(self) -> Mapping[str, Mapping[str, Any]]:
         """Manifest of the raw files: ``sha256``, ``first``, ``last``, …; ValueError without one."""

@@ -334,6 +334,18 @@ def submodel(name: str) -> SubModel[Any, Any, Any]:
     return import_module(f"pipeline.submodels.{name}.submodel").SUBMODEL
 
 
+def judging_of(
+    one: SubModel[Any, Judging, Any], values: Mapping[str, Any], machine: str
+) -> Judging:
+    """Settings by which a sub-model of a machine is judged, out of those of the project."""
+    from pipeline.parameters import section_path, structure
+
+    return one.judging(**{
+        section: structure(dict(values), section_path(dict(values), section, machine), wanted)
+        for section, wanted in sections(one.judging).items()
+    })  # fmt: skip
+
+
 def sections(settings: type) -> dict[str, Any]:
     """Sections of params.yaml that a settings type is made of, with their types."""
     hints = get_type_hints(settings, include_extras=True)
