@@ -200,6 +200,18 @@ def test_what_serves_served_of_late_or_is_a_reference_cannot_be_deleted(root: Pa
         delete(MACHINE, 9, root, why="room")
 
 
+def test_what_an_experiment_makes_challenges_nobody(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    challenged(root, 0.0, None)
+    monkeypatch.setenv("DVC_EXP_BASELINE_REV", "abc")
+    assert keep_serving(MACHINE, NAMES, root).version == 1
+    assert [v.version for v in versions(MACHINE, root)] == [1]
+    monkeypatch.delenv("DVC_EXP_BASELINE_REV")
+    keep_serving(MACHINE, NAMES, root)
+    assert [v.aliases for v in versions(MACHINE, root)] == [("champion",), ("challenger",)]
+
+
 def test_a_history_that_was_changed_is_refused_with_its_line(root: Path) -> None:
     challenged(root, 0.0, None)
     promote(MACHINE, root, why="new oil", by="Kim", now=NOON)
