@@ -1,4 +1,4 @@
-"""Promote, rollback and register, killed at any moment: one champion, and a whole history."""
+"""Promote, rollback, register, nightly, killed at any moment: one champion, a whole history."""
 
 import os
 import shutil
@@ -6,6 +6,7 @@ import signal
 import time
 import traceback
 from collections.abc import Callable, Iterator
+from contextlib import chdir
 from pathlib import Path
 from random import Random
 
@@ -13,11 +14,15 @@ import pytest
 
 from pipeline.champions.promotion import promote, rollback, settle
 from pipeline.champions.serving import champion_of, history_of
+from pipeline.monitoring.budget import MonitoringSettings
 from pipeline.registry.store import versions
 from pipeline.schema.bundle import read_champions, stored_bundle
-from tests.bundled_project import MACHINE, project, quick_stores, registered, spindle
+from pipeline.schema.ledger import read_ledger
+from pipeline.stages.nightly import nightly
+from tests.bundled_project import FLEET, MACHINE, project, quick_stores, registered, spindle
 
 CHAMPION = f"data/champion/{MACHINE}"
+LEDGER = Path(f"data/ledger/{MACHINE}.jsonl")
 
 
 @pytest.fixture(scope="module")
@@ -35,13 +40,27 @@ def before(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Path]
         registered(challenged)
         promoted = shutil.copytree(challenged, folder / "rollback")
         promote(MACHINE, promoted, why="better", by="Kim")
-        yield {"promote": challenged, "register": fresh, "rollback": promoted}
+        serving = project(folder / "nightly", golden=("2026-01-19", "2026-01-20"))
+        spindle(serving)
+        registered(serving)
+        yield {"promote": challenged, "register": fresh, "rollback": promoted,
+               "nightly": serving}  # fmt: skip
+
+
+def scored(root: Path) -> None:
+    """Score the two nights after the golden days, as `kerf nightly` does."""
+    with chdir(root):
+        folders = [
+            Path("data") / name / MACHINE for name in ("champion", "raw", "signals", "clean")
+        ]
+        nightly(*folders, Path("data/golden"), LEDGER, fleet=FLEET, monitoring=MonitoringSettings())
 
 
 OPERATIONS: dict[str, Callable[[Path], object]] = {
     "promote": lambda root: promote(MACHINE, root, why="better", by="Kim"),
     "rollback": lambda root: rollback(MACHINE, root, why="worse", by="Lee"),
     "register": registered,
+    "nightly": scored,
 }
 
 
@@ -64,7 +83,7 @@ def killed_after(root: Path, operation: Callable[[Path], object], seconds: float
 
 @pytest.mark.proof
 @pytest.mark.parametrize(
-    ("name", "times"), [("promote", 80), ("rollback", 70), ("register", 50)]
+    ("name", "times"), [("promote", 70), ("rollback", 50), ("register", 50), ("nightly", 50)]
 )  # fmt: skip
 def test_there_is_one_champion_and_a_whole_history(
     before: dict[str, Path], tmp_path: Path, name: str, times: int
@@ -95,6 +114,10 @@ def test_there_is_one_champion_and_a_whole_history(
         assert served is not None and version.bundle == now.bundle == served.sha256
         if entries:
             assert read_champions(root / "champions.json").machines[MACHINE].bundle == now.bundle
+        if name == "nightly":
+            there = read_ledger(root / LEDGER)  # raises where a line is none
+            assert there in ((), read_ledger(taken / LEDGER))
+            assert there or not ended
         if ended:
             assert now.bundle == (champion_of(MACHINE, taken) or now).bundle
         shutil.rmtree(root)

@@ -42,7 +42,7 @@ def spindle_design(
     model: SpindleModelFile, training: Sequence[StateSegment], judged: Sequence[StateSegment],
     limits: SpindleLimits,
 ) -> Iterator[Design]:  # fmt: skip
-    """Design of the network; none where no stretch of a training day or judged one is left."""
+    """Design of the network; none without stretches to learn and judge by, or intervals."""
     if not training or not judged:
         return
     duties = dict(_duties(training, model))
@@ -50,7 +50,7 @@ def spindle_design(
     stated = model.parameters.get("", {})
     sources = [
         name for name in named
-        if stated[name].determined or not excited(training, [name])
+        if name in stated and (stated[name].determined or not excited(training, [name]))
     ]  # fmt: skip
 
     def problem(pieces: Sequence[StateSegment]) -> Problem:
@@ -65,6 +65,8 @@ def spindle_design(
         return _sensitivities(problem(pieces), model)
 
     first = problem(training)
+    if not set(first.names) <= set(stated):
+        return
     half, size = [], []
     for name in first.names:
         one = stated[name]
