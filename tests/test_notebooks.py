@@ -229,9 +229,9 @@ def test_the_challenger_that_errs_less_is_better(tmp_path: Path) -> None:
     bundled_project.spindle(tmp_path, error_K=2.0)
     (tmp_path / "data/models").rename(tmp_path / "data/champion")
     bundled_project.spindle(tmp_path)
-    asked = "[table[['champion', 'challenger', 'worse']].values.tolist(), len(points)]"
+    asked = "[table[['champion', 'challenger', 'result']].values.tolist(), len(points)]"
     rows, points = outputs_of(tmp_path, CHALLENGER, asked, 1)
-    assert rows and all(new < old and not worse for old, new, worse in rows)
+    assert rows and all(new < old and said != "worse" for old, new, said in rows)
     assert points >= len(bundled_project.DAYS) - 2
 
 

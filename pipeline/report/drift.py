@@ -32,9 +32,11 @@ class Line:
     spent: float | None
 
 
-def drift_section(facts: MachineFacts, say: Texts) -> Section:
-    """The state in one sentence, then a line for each quantity that is scored."""
+def drift_section(facts: MachineFacts, say: Texts) -> Section | None:
+    """The state in one sentence, then a line for each quantity; None where no night was scored."""
     lines = _lines(facts, say)
+    if not facts.nights:
+        return None
     made = sources(facts.shelf, *([facts.folders.ledger] if facts.folders.ledger else []))
     return Section(
         key="drift",

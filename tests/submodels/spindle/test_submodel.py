@@ -166,7 +166,7 @@ def test_the_interval_holds_its_share_is_a_limit_and_stands_on_the_page(made, ju
         total = next(
             s for s in result.verdict.of(TARGET, group="all", role="held_out") if s.regime == regime
         )
-        assert total.coverage_limits == (0.8, 1.0) and total.coverage_90 >= 0.8
+        assert total.coverage_limits == (0.8, 0.98) and total.coverage_90 >= 0.8
     shown = Shown(
         machine="mill", origin="simulated", model=model, verdict=result.verdict,
         predictions=result.predictions, folder=folder, shelf=SourceRegistry(),
