@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.registry.provenance import plain
+from pipeline.registry.runs import HEAD, as_description
 from pipeline.registry.store import Version, client_of, is_server, model_name, reached, versions
 from pipeline.schema.decision import Decision
 from pipeline.schema.history import Entry, whole
@@ -78,7 +79,7 @@ def log_decision(decision: Decision, version: Version, root: Path) -> None:
     from mlflow.entities import Metric
 
     client, number = client_of(root), str(version.version)
-    said = "may serve" if decision.may_serve else f"refused: {decision.objections}"
+    said = "may serve" if decision.may_serve else f"is refused: {decision.objections}"
     if decision.anyway and not decision.may_serve:
         said = f"serves anyway: {decision.objections}"
     with reached("written"):
@@ -90,7 +91,14 @@ def log_decision(decision: Decision, version: Version, root: Path) -> None:
             client.log_batch(version.run, metrics=metrics)
             client.log_text(version.run, json_text(decision), f"{GATE}/decision.json")
             client.log_text(version.run, decision_text(decision), f"{GATE}/decision.md")
-        client.set_model_version_tag(model_name(decision.machine), number, GATE, said[:4000])
+        name = model_name(decision.machine)
+        client.set_model_version_tag(name, number, GATE, said[:4000])
+        card = client.get_model_version(name, number).description or ""
+        of_gate = f"Gate: against version {decision.champion.version} it {said[:800]}."
+        by = f" {decision.by}, {decision.at}: {decision.why}."
+        client.update_model_version(
+            name, number, as_description(f"{of_gate}{by}\n\n{card[max(card.find(HEAD), 0) :]}")
+        )
 
 
 def decision_text(decision: Decision) -> str:

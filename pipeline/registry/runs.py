@@ -51,6 +51,8 @@ LONGEST = 5000
 """Characters of a description that every store of MLflow takes."""
 DIGEST = 32
 """Characters of a data set's hash that MLflow takes."""
+HEAD = "# Digital twin"
+"""Begin of a card; what the gate said of the version stands above it."""
 MOST = 8
 """Reasons, conditions and cases of a kind that a card names."""
 SIDE, MARGIN = 420, 60
@@ -245,7 +247,7 @@ def _without_zone(table: "pd.DataFrame") -> "pd.DataFrame":
 def model_card(bundle: Bundle, folder: Path, units: Mapping[str, Mapping[str, str]]) -> str:
     """Card of a bundle."""
     lines = [
-        f"# Digital twin of {bundle.machine} ({bundle.origin} records)",
+        f"{HEAD} of {bundle.machine} ({bundle.origin} records)",
         "",
         f"Predicts what this one machine does; status: {bundle.status}. Not for another machine, "
         "and not for what no sub-model below was judged on.",

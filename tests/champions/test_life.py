@@ -160,6 +160,11 @@ def test_a_better_spindle_serves_beside_an_old_failure_comes_back_and_all_is_tol
     (version,) = [v for v in versions(MACHINE, root) if v.version == 2]
     assert version.tags["gate"] == "may serve"
     client = client_of(root)
+    card = client.get_model_version(model_name(MACHINE), "2").description
+    assert card.startswith(
+        "Gate: against version 1 it may serve. Kim, 2026-03-01T12:00:00Z: new oil."
+    )
+    assert "# Digital twin of mill01 (simulated records)" in card
     metrics = client.get_run(version.run).data.metrics
     assert metrics["gate/may serve"] == 1.0 and metrics["gate/no new failure"] == 1.0
     assert any(key.startswith("gate/not worse/spindle") for key in metrics)

@@ -59,7 +59,10 @@ def held(serving: ServingModel, nights: Iterator[Any], reason: Reason, ask: Ask)
     assert not false_asks(found, BEFORE), "asked before the fault"
     asked = first_ask(found, BEFORE)
     assert asked is not None, "not asked for within three nights"
-    assert (asked[1].reason, asked[1].ask) == (reason, ask), asked[1].words
+    assert asked[1].ask == ask, asked[1].words
+    # a first night may fit a sensor as well as less cooling: the nights together decide
+    last = [night for night in found if night.ask][-1]
+    assert (last.reason, last.ask) == (reason, ask), last.words
 
 
 @pytest.mark.proof

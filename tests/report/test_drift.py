@@ -38,7 +38,12 @@ def test_the_page_says_in_one_sentence_whether_a_model_drifted(
 ) -> None:
     say = texts(language)
     quiet = drift_section(facts(tmp_path / "a", QUIET), say)
-    assert quiet is not None and "1" in quiet.text[0] and "28" in quiet.text[0] and len(quiet.text) == 1
+    assert (
+        quiet is not None
+        and "1" in quiet.text[0]
+        and "28" in quiet.text[0]
+        and len(quiet.text) == 1
+    )
     found = facts(tmp_path / "b", QUIET, ASKS)
     asking = drift_section(found, say)
     assert asking is not None
