@@ -1,9 +1,10 @@
 """Challenger against champion: what is compared, and the decision that follows."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pipeline.champions.serving import (
     DATA,
@@ -30,7 +31,8 @@ from pipeline.submodels.promotion import (
 )
 
 if TYPE_CHECKING:
-    from pipeline.submodels.cases import Records
+    from pipeline.submodels.cases import Cases, Records
+    from pipeline.submodels.promotion import Files
 
 
 def promotion_settings(root: Path) -> PromotionSettings:
@@ -76,8 +78,10 @@ def decide(
     serving = tuple(name for name in champion.submodels if now.serves(name))
     sets = read_golden(root / DATA / "golden" / f"{machine}.json")
 
+    compare = _Sides(machine=machine, folders=(serves, folder), root=root, sets=sets)
+
     def met(look: Look) -> list[Contest]:
-        return _contests(machine, both, (serves, folder), root, sets=sets, look=look)
+        return [one for name in both if (one := compare.met(name, look)) is not None]
 
     rules = first_rules(
         met("golden"), met("newest day"),
@@ -131,43 +135,53 @@ def _serving(
     )  # fmt: skip
 
 
-def _contests(
-    machine: str,
-    names: Sequence[str],
-    sides: tuple[Path, Path],
-    root: Path,
-    *,
-    sets: GoldenSets | None,
-    look: Look,
-) -> list[Contest]:
-    """Contests of some sub-models between the folders of champion and challenger.
+@dataclass(frozen=True, kw_only=True)
+class _Sides:
+    """Folders of champion and challenger, compared with the settings of params.yaml."""
 
-    The settings are those of params.yaml.
-    """
-    from pipeline.submodels.contract import judging_of, submodel
+    machine: str
+    folders: tuple[Path, Path]
+    root: Path
+    sets: GoldenSets | None
 
-    values, settings = params_of(root), promotion_settings(root)
-    found = []
-    for name in names:
-        one = submodel(name)
-        read = [_records(machine, root, own) for own in sides]
-        met = contest(
-            one, judging_of(one, values, machine), read, sets=sets, champion=sides[0] / name,
-            challenger=sides[1] / name, settings=settings, look=look,
+    @cached_property
+    def values(self) -> dict[str, Any]:
+        return params_of(self.root)
+
+    @cached_property
+    def read(self) -> "Callable[[str, Records], tuple[Cases, Files]]":
+        """Cases of a sub-model from records, each read once for all looks."""
+        from pipeline.submodels.contract import judging_of, submodel
+
+        @cache
+        def cases(name: str, records: "Records") -> "tuple[Cases, Files]":
+            one = submodel(name)
+            judging = judging_of(one, self.values, self.machine)
+            return one.cases(records, judging, self.sets), records.files
+
+        return cases
+
+    def met(self, name: str, look: Look) -> Contest | None:
+        from pipeline.submodels.contract import judging_of, submodel
+
+        one, (champion, challenger) = submodel(name), self.folders
+        return contest(
+            one, judging_of(one, self.values, self.machine),
+            [partial(self.read, name, self.records(one.reads, own)) for own in self.folders],
+            sets=self.sets, champion=champion / name, challenger=challenger / name,
+            settings=promotion_settings(self.root), look=look,
         )  # fmt: skip
-        found += [met] if met is not None else []
-    return found
 
+    def records(self, reads: Sequence[str], own: Path) -> "Records":
+        """Records that a sub-model reads; ``own`` is the folder of the models it builds on."""
+        from pipeline.fleet import Fleet
+        from pipeline.parameters import structure
+        from pipeline.submodels.cases import Records
 
-def _records(machine: str, root: Path, own: Path) -> "Records":
-    """Records of a machine; ``own`` is the folder of the bundle, whose models it builds on."""
-    from pipeline.fleet import Fleet
-    from pipeline.parameters import structure
-    from pipeline.submodels.cases import Records
-
-    models = f"data/models/{machine}/drive"
-    under = structure(params_of(root), "fleet", Fleet).drives_under.get(machine, models)
-    return Records.of_machine(
-        root / DATA, machine, drive=own / "drive" if under == models else root / under,
-        wear=own / "wear",
-    )  # fmt: skip
+        drive = f"data/models/{self.machine}/drive"
+        under = structure(self.values, "fleet", Fleet).drives_under.get(self.machine, drive)
+        every = Records.of_machine(
+            self.root / DATA, self.machine, wear=own / "wear",
+            drive=own / "drive" if under == drive else self.root / under,
+        )  # fmt: skip
+        return Records(**{name: getattr(every, name) for name in reads})

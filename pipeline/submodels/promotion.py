@@ -5,7 +5,7 @@ decides, group by group (day, recording, tool); on the newest day where records 
 on the sealed cases last.  A case whose raw files one of the two was fitted on is left out.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -19,7 +19,7 @@ from pipeline.schema.model import Model
 from pipeline.schema.ranges import NotNegative, Ranged
 from pipeline.schema.store import StoreError, read_json
 from pipeline.schema.verdict import Role, Score, Status, Verdict
-from pipeline.submodels.cases import Cases, Records, golden_used, learnt_from, newest_day
+from pipeline.submodels.cases import Cases, golden_used, leak_reasons, learnt_from, newest_day
 from pipeline.submodels.contract import SubModel
 from pipeline.submodels.judge import judge
 from pipeline.submodels.scoring import ALL, FEWEST_GROUPS
@@ -29,6 +29,11 @@ Look = Literal["golden", "newest day", "sealed"]
 """Cases that are looked at."""
 LACKING: tuple[Status, ...] = ("failed", "not judged")
 """Statuses that are a failure where the champion's is none of them."""
+
+
+Files = Mapping[str, Mapping[str, Any]]
+ReadCases = Callable[[], tuple[Cases, Files]]
+"""Cases of a sub-model, and the manifest of the raw files."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +75,7 @@ class Contest:
 def contest(
     submodel: SubModel[Any, Any, Any],
     judging: Any,
-    records: Sequence[Records],
+    read: Sequence[ReadCases],
     *,
     sets: GoldenSets | None,
     champion: Path,
@@ -80,9 +85,9 @@ def contest(
 ) -> Contest | None:
     """Compare the errors of both models of a sub-model on the same cases.
 
-    ``judging`` are settings of its judging type; ``records`` those of champion and challenger,
-    which differ in the models that it builds on; ``champion`` and ``challenger`` the folders of the
-    two models.  Where both verdicts are on the present golden set, their scores are taken.  None
+    ``judging`` are settings of its judging type; ``read`` gives the cases for champion and for
+    challenger, which differ where it builds on other models; ``champion`` and ``challenger`` are
+    the folders of the two models.  Where both verdicts are on the present golden set, their scores are taken.  None
     where there is no case of that look at all.
     """
     name, folders = submodel.name, (champion, challenger)
@@ -90,21 +95,21 @@ def contest(
         models: list[Model] = [read_json(f / "model.json", submodel.model) for f in folders]
         verdicts = [read_json(folder / VERDICT, Verdict) for folder in folders]
         if look != "golden" or not _same_cases(models, verdicts, sets):
-            both = [submodel.cases(own, judging, sets) for own in records]
-            looked_at, roles = _looked_at(both[1], look)
+            both = [cases() for cases in read]
+            looked_at, roles = _looked_at(both[1][0], look)
             if look != "golden" and not looked_at:
                 return None
-            fitted = {sha256 for model in models for sha256 in model.training_files}
             names = {
-                case.name for case in looked_at if not any(f.sha256 in fitted for f in case.files)
-            }
+                case.name for case in looked_at
+                if not any(leak_reasons(model, [case]) for model in models)
+            }  # fmt: skip
             verdicts = [
                 judge(
                     model, submodel.load(folder, judging),
                     Cases(cases=tuple(case for case in cases.cases if case.name in names)),
-                    submodel.targets(judging, model), sets=sets, files=own.files, roles=roles,
+                    submodel.targets(judging, model), sets=sets, files=files, roles=roles,
                 ).verdict
-                for model, folder, cases, own in zip(models, folders, both, records, strict=True)
+                for model, folder, (cases, files) in zip(models, folders, both, strict=True)
             ]  # fmt: skip
     except StoreError as error:
         return Contest(submodel=name, compared=(), note=f"cannot be compared: {error}")

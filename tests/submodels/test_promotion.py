@@ -12,7 +12,7 @@ from pipeline.schema.decision import Decision, Side
 from pipeline.schema.golden import read_golden
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.verdict import Role, Score, Status, Verdict
-from pipeline.submodels.cases import Records, Roles
+from pipeline.submodels.cases import Cases, Records, Roles
 from pipeline.submodels.contract import submodel
 from pipeline.submodels.promotion import (
     Contest,
@@ -214,9 +214,12 @@ def test_champion_and_challenger_meet_on_the_golden_days(tmp_path: Path) -> None
     )
     sets = read_golden(root / f"data/golden/{MACHINE}.json")
 
+    def read() -> tuple[Cases, Any]:
+        return submodel("spindle").cases(records, settings, sets), records.files
+
     def between(champion: Path, challenger: Path) -> Contest:
         found = contest(
-            submodel("spindle"), settings, (records, records), sets=sets, champion=champion,
+            submodel("spindle"), settings, [read, read], sets=sets, champion=champion,
             challenger=challenger, settings=SETTINGS,
         )  # fmt: skip
         assert found is not None
