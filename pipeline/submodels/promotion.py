@@ -87,8 +87,8 @@ def contest(
 
     ``judging`` are settings of its judging type; ``read`` gives the cases for champion and for
     challenger, which differ where it builds on other models; ``champion`` and ``challenger`` are
-    the folders of the two models.  Where both verdicts are on the present golden set, their scores are taken.  None
-    where there is no case of that look at all.
+    the folders of the two models.  Where both verdicts are on the present golden set, their scores
+    are taken.  None where there is no case of that look at all.
     """
     name, folders = submodel.name, (champion, challenger)
     try:
