@@ -511,7 +511,9 @@ def test_the_commands_show_the_challenger_and_promote_it(root: Path) -> None:
     }  # fmt: skip
     assert "needs a reason: give it with --why" in refused(root, "promote", "-m", MACHINE)
     done = kerf(root, "promote", "-m", MACHINE, "--why", "two kelvin better")
-    said = f"{MACHINE}: version 2 is champion; commit champions.json and data/history\n"
+    said = (
+        f"{MACHINE}: version 2 is champion; git add champions.json data/history, and commit them\n"
+    )
     assert done.stdout == said
     (row,) = rows_of(kerf(root, "status"))
     assert row["serving"].startswith("version 2 since 20") and row["challenger"] == "-"
@@ -583,7 +585,7 @@ def test_a_champion_that_lies_nowhere_is_named(root: Path) -> None:
     assert first is not None
     lost = replace(first, bundle="0" * 64, by="somebody")
     write_champions(Champions().promoted(MACHINE, lost), root / CHAMPIONS)
-    with pytest.raises(ValueError, match=r"000000000000 as the champion of mill01.*`dvc pull"):
+    with pytest.raises(ValueError, match=r"bundle 000000000000, which serves mill01 .*`dvc pull"):
         registered(root)
     write_champions(Champions(), root / CHAMPIONS)
     registered(root)

@@ -89,13 +89,15 @@ def _is_wanted(stage: str, machines: Collection[str], submodels: Collection[str]
 def _next_wave(repo: Any, names: list[str], failed: Collection[str]) -> list[Any]:
     """Stages out of date that read nothing of another one that is."""
     stale = repo.status(targets=names, with_deps=True)
-    before = sorted(one for one in stale if not one.startswith(VERB))
+    # a judgement writes beside the model that another identification reads, and changes no model
+    before = sorted(one for one in stale if not one.startswith((VERB, "judge_")))
     if before:
         raise ValueError(
             f"{before[0]} is out of date, which identification starts from: run `dvc repro clean "
             "index` first"
         )
-    open_ones = [one for one in repo.index.stages if one.addressing in stale]
+    open_ones = [one for one in repo.index.stages
+                 if one.addressing in stale and one.addressing.startswith(VERB)]  # fmt: skip
     waits = {one.addressing: any(_feeds(other, one) for other in open_ones) for one in open_ones}
     return [one for one in open_ones if one.addressing in names
             and one.addressing not in failed and not waits[one.addressing]]  # fmt: skip
@@ -114,7 +116,7 @@ def identified(task: tuple[str, ...]) -> Identified:
     with TemporaryDirectory() as name:
         paths[at] = name
         try:
-            run(stage, *paths)
+            run(stage, *paths, written=name)
         except (ValueError, OSError) as error:
             return Identified(stage=stage, files={}, error=f"{stage}: {error}")
         return Identified(stage=stage, files=dict(_files(Path(name))))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pipeline.schema.decision import Decision
 
 Why = Annotated[str, typer.Option(help="The reason, for the machine's history.")]
-COMMIT = "commit champions.json and data/history"
+COMMIT = "git add champions.json data/history, and commit them"
 
 
 @app.command(rich_help_panel=kerf.MODELS)

@@ -46,12 +46,25 @@ def new_project(folder: Path) -> str:
     for some in ("golden", "history"):  # stages depend on them
         (folder / "data" / some).mkdir(parents=True, exist_ok=True)
         (folder / "data" / some / ".gitkeep").touch()
+    _bring_groups(source / "conf", folder / "conf")
     ignored = (folder / ".gitignore").read_text().splitlines()
     if missing := [line for line in IGNORED if line.startswith("!") and line not in ignored]:
         write_text("\n".join([*ignored, *missing]) + "\n", folder / ".gitignore")
     write_text(_of_project((source / "dvc.yaml").read_text(encoding="utf-8")), folder / "dvc.yaml")
     write_text(f"{version('kerf-twin')} {_code_hash()}\n", folder / CODE)
     return "brought up" if known else "made"
+
+
+def _bring_groups(source: Path, conf: Path) -> None:
+    """Bring groups of settings that a later Kerf has to a project, with their entries."""
+    config = (conf / "config.yaml").read_text(encoding="utf-8")
+    for line in (source / "config.yaml").read_text(encoding="utf-8").splitlines():
+        group = line.strip().removeprefix("- ").partition(":")[0]
+        if not (source / group / "default.yaml").is_file() or (conf / group).exists():
+            continue
+        shutil.copytree(source / group, conf / group)
+        config = config.replace("  - budget:", f"{line}\n  - budget:", 1)
+    write_text(config, conf / "config.yaml")
 
 
 def templates() -> Path:

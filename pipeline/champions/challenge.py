@@ -17,15 +17,17 @@ from pipeline.champions.serving import (
 from pipeline.registry.loading import checked_place
 from pipeline.registry.runs import register
 from pipeline.registry.store import name_versions, versions
-from pipeline.schema.bundle import BUNDLE, Bundle, Champion, bundle_of
+from pipeline.schema.bundle import BUNDLE, VERDICT, Bundle, Champion, bundle_of
 from pipeline.schema.decision import Decision, Side
 from pipeline.schema.golden import GoldenSets, read_golden
 from pipeline.schema.store import read_json
+from pipeline.schema.verdict import Verdict
 from pipeline.submodels.promotion import (
     Contest,
     Look,
     PromotionSettings,
     contest,
+    deciding,
     first_rules,
     sealed_rule,
 )
@@ -78,7 +80,8 @@ def decide(
     serving = tuple(name for name in champion.submodels if now.serves(name))
     sets = read_golden(root / DATA / "golden" / f"{machine}.json")
 
-    compare = _Sides(machine=machine, folders=(serves, folder), root=root, sets=sets)
+    compare = _Sides(machine=machine, folders=(serves, folder), root=root, sets=sets,
+                     names=tuple(both))  # fmt: skip
 
     def met(look: Look) -> list[Contest]:
         return [one for name in both if (one := compare.met(name, look)) is not None]
@@ -91,12 +94,14 @@ def decide(
         machine=machine, origin=challenger.origin,
         champion=_side(now.version, champion), challenger=_side(version.version, challenger),
         changed=tuple(both), golden=sets.golden.sha256 if sets and sets.golden else "",
-        rules=tuple(rules), serving=_serving(champion, serving, challenger, anyway), anyway=anyway,
+        rules=tuple(rules), serving=_serving(serving, challenger, anyway), anyway=anyway,
     )  # fmt: skip
     if not (seal and sets and sets.sealed and (anyway or decision.may_serve)):
         return decision, ""
-    last = sealed_rule(met("sealed"), serving)
-    return replace(decision, rules=(*rules, last)), sets.sealed.sha256
+    sealed = met("sealed")
+    last = sealed_rule(sealed, {*serving, *decision.serving})
+    looked = sets.sealed.sha256 if sealed else ""  # where nothing was compared nothing was seen
+    return replace(decision, rules=(*rules, last)), looked
 
 
 def _challenger(
@@ -122,17 +127,13 @@ def _side(version: int, bundle: Bundle) -> Side:
                 statuses={name: one.status for name, one in bundle.submodels.items()})  # fmt: skip
 
 
-def _serving(
-    champion: Bundle, serving: Sequence[str], challenger: Bundle, anyway: bool
-) -> tuple[str, ...]:
-    """Sub-models that serve after a promotion: those that may, and those that fail in both."""
+def _serving(serving: Sequence[str], challenger: Bundle, anyway: bool) -> tuple[str, ...]:
+    """Sub-models that serve after a promotion: those that passed, and those that do already."""
     if anyway:
         return tuple(challenger.submodels)
-    able = serving_of(challenger)
     return tuple(
-        name for name in challenger.submodels
-        if name in able or (name in serving and champion.submodels[name].status == "failed")
-    )  # fmt: skip
+        name for name in challenger.submodels if name in (*serving_of(challenger), *serving)
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,6 +144,14 @@ class _Sides:
     folders: tuple[Path, Path]
     root: Path
     sets: GoldenSets | None
+    names: tuple[str, ...]
+    """Sub-models that differ."""
+
+    @cached_property
+    def tests(self) -> int:
+        """Comparisons in all, by the challenger's verdicts."""
+        verdicts = [read_json(self.folders[1] / name / VERDICT, Verdict) for name in self.names]
+        return sum(len(deciding(verdict)) for verdict in verdicts)
 
     @cached_property
     def values(self) -> dict[str, Any]:
@@ -169,7 +178,7 @@ class _Sides:
             one, judging_of(one, self.values, self.machine),
             [partial(self.read, name, self.records(one.reads, own)) for own in self.folders],
             sets=self.sets, champion=champion / name, challenger=challenger / name,
-            settings=promotion_settings(self.root), look=look,
+            settings=promotion_settings(self.root), look=look, tests=self.tests,
         )  # fmt: skip
 
     def records(self, reads: Sequence[str], own: Path) -> "Records":

@@ -18,6 +18,7 @@ from typing import Any
 from pipeline.champions.challenge import decide, promotion_settings
 from pipeline.champions.serving import (
     DATA,
+    bundle_place,
     champion_in,
     champion_of,
     fill_champion,
@@ -29,7 +30,7 @@ from pipeline.champions.serving import (
 )
 from pipeline.registry.history import claim, delete_version, log_decision, server_history
 from pipeline.registry.provenance import CHAMPIONS, git
-from pipeline.registry.store import Version, is_server, name_versions, note_promotion, versions
+from pipeline.registry.store import Version, is_shared, name_versions, note_promotion, versions
 from pipeline.schema.bundle import Champion, read_champions, stored_bundle, write_champions
 from pipeline.schema.decision import Decision
 from pipeline.schema.history import (
@@ -131,7 +132,10 @@ def rollback(
         champion, before = champion_of(machine, root), served(history_of(machine, root))
         if champion is None or not before:
             raise ValueError(f"{machine} has nothing to go back to: nothing was promoted yet")
-        others = [e for e in before if e.bundle != champion.bundle and to in (None, e.version)]
+        numbers = {v.bundle: v.version for v in versions(machine, root)}
+        gone = {e.bundle for e in history_of(machine, root) if e.event == "deleted"} - {*numbers}
+        others = [e for e in before if e.bundle not in (champion.bundle, *gone)
+                  and to in (None, numbers.get(e.bundle, e.version))]  # fmt: skip
         if not others:
             there = ", ".join(dict.fromkeys(str(e.version) for e in before
                                             if e.bundle != champion.bundle)) or "none"  # fmt: skip
@@ -140,13 +144,16 @@ def rollback(
                 f"{which} of {machine} never served before the present one; there are {there}"
             )
         target = others[-1]
-        hours = hours_since(left_at(before, target.version) or "", moment)
+        hours = hours_since(left_at(before, target.bundle) or "", moment)
         warm = promotion_settings(root).warm_hours
         if hours > warm and not force:
             raise ValueError(
                 f"version {target.version} of {machine} has not served for {hours:.0f} h, and is "
                 f"warm for {warm:g} h: look at it, and give --force if it shall serve again"
             )
+        data = root / DATA  # an entry that cannot be carried out would hold the machine up
+        bundle_place(target.bundle, names_of(machine, root), data / "models" / machine,
+                     data / "champion" / machine, root=root)  # fmt: skip
         return _carried_out(_added(
             machine, root, event="rolled back", version=target.version, bundle=target.bundle,
             at=moment, by=by, why=why, serving=target.serving,
@@ -187,7 +194,7 @@ def retained(version: Version, root: Path, moment: str) -> str:
         return "serves"
     if REFERENCE in version.aliases:
         return "is a reference"
-    left = left_at(history_of(version.machine, root), version.version)
+    left = left_at(history_of(version.machine, root), version.bundle)
     warm = promotion_settings(root).warm_hours
     if left is not None and hours_since(left, moment) <= warm:
         return f"served less than {warm:g} h ago"
@@ -221,10 +228,29 @@ def changing(machine: str, root: Path) -> Iterator[None]:
         names = names_of(machine, root)
         refilled(machine, names, root)
         _take_over(machine, root)
+        _check_choice(machine, root)
         serving = served(history_of(machine, root))
         if serving:
             _carried_out(serving[-1], root)
         yield
+
+
+def _check_choice(machine: str, root: Path) -> None:
+    """Take a choice of before there were histories into one; refuse one that another lacks."""
+    chosen, entries = (
+        read_champions(root / CHAMPIONS).machines.get(machine),
+        served(history_of(machine, root)),
+    )
+    if chosen is None:
+        return
+    if not entries:
+        write_history(_beginning(machine, root), history_path(machine, root))
+    elif chosen.bundle != entries[-1].bundle and chosen.since > entries[-1].at:
+        raise ValueError(
+            f"champions.json names version {chosen.version} of {machine} since {chosen.since}, "
+            f"which {history_path(machine, root)} does not hold: commit both, or take it back with "
+            f"`git checkout {CHAMPIONS}`"
+        )
 
 
 def _take_over(machine: str, root: Path) -> None:
@@ -232,7 +258,7 @@ def _take_over(machine: str, root: Path) -> None:
 
     Raises ValueError where neither continues the other.
     """
-    if not is_server():
+    if not is_shared():
         return
     own, others = history_of(machine, root), server_history(machine, root)
     shared = min(len(own), len(others))
@@ -257,7 +283,7 @@ def _added(machine: str, root: Path, document: str = "", *, event: Event, **fiel
         machine=machine, number=len(before) + 1, event=event,
         before=before[-1].sha256 if before else "", **fields,
     )  # fmt: skip
-    if is_server():
+    if is_shared():
         for one in (*before, entry):
             chain = server_history(machine, root)
             if len(chain) < one.number:

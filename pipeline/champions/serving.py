@@ -139,32 +139,38 @@ def fill_champion(
 
     With ``keep`` what it held stays warm.  Raises ValueError when the bundle lies nowhere.
     """
+    source, held = bundle_place(bundle, names, models, target, root=root)
+    if source != target:
+        warm = root / DATA / "warm" / target.name
+        copy_bundle(source, held, target, warm if keep else None)
+    return held
+
+
+def bundle_place(
+    bundle: str, names: Sequence[str], models: Path, target: Path, *, root: Path = Path()
+) -> tuple[Path, Bundle]:
+    """Folder that holds the bundle of a hash; see :func:`fill_champion`.
+
+    Raises ValueError when it lies nowhere.
+    """
     machine = target.name
-    warm = root / DATA / "warm" / machine
-    there = stored_bundle(target, machine)
-    if there is not None and there.sha256 == bundle:
-        return there
-    kept = warm if keep else None
+    for folder in (target, root / DATA / "warm" / machine):
+        there = stored_bundle(folder, machine)
+        if there is not None and there.sha256 == bundle:
+            return folder, there
     newest = newest_bundle(models, names)
     if newest is not None and newest.sha256 == bundle:
-        copy_bundle(models, newest, target, kept)
-        return newest
-    before = stored_bundle(warm, machine)
-    if before is not None and before.sha256 == bundle:
-        copy_bundle(warm, before, target, kept)
-        return before
+        return models, newest
     found = [v for v in versions(machine, root) if v.bundle == bundle]
     if not found:
         raise ValueError(
-            f"champions.json names bundle {bundle[:12]} as the champion of {machine}, which is "
+            f"bundle {bundle[:12]}, which serves {machine} by champions.json or is to serve, is "
             f"neither in {models}, nor in {target}, nor in the registry: run `dvc pull {target}`, "
             f"or bring {DATABASE} and {ARTIFACTS} along, or take {machine} out of champions.json "
             f"and run `dvc repro`, so that what is in {target}, else the newest bundle, serves"
         )
     source = checked_place(found[0], root) / "artifacts" / "bundle"
-    held = read_json(source / BUNDLE, Bundle)
-    copy_bundle(source, held, target, kept)
-    return held
+    return source, read_json(source / BUNDLE, Bundle)
 
 
 def newest_bundle(models: Path, names: Sequence[str]) -> Bundle | None:

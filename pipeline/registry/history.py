@@ -10,7 +10,7 @@ from typing import Any
 
 from pipeline.registry.provenance import plain
 from pipeline.registry.runs import HEAD, as_description
-from pipeline.registry.store import Version, client_of, is_server, model_name, reached, versions
+from pipeline.registry.store import Version, client_of, is_shared, model_name, reached, versions
 from pipeline.schema.decision import Decision
 from pipeline.schema.history import Entry, whole
 from pipeline.schema.store import json_text, parsed
@@ -31,7 +31,7 @@ def server_history(machine: str, root: Path) -> tuple[Entry, ...]:
 
     Raises ValueError where the server cannot be read.
     """
-    if not is_server():
+    if not is_shared():
         return ()
     with reached("written"):
         found = client_of(root).search_model_versions(f"name='{history_name(machine)}'")
@@ -45,7 +45,14 @@ def server_history(machine: str, root: Path) -> tuple[Entry, ...]:
 def claim(entry: Entry, root: Path) -> tuple[Entry, ...]:
     """Write an entry to the server; the chain after it, which holds the entry if it came first."""
     client, name = client_of(root), history_name(entry.machine)
-    known = [v for v in versions(entry.machine, root) if v.bundle == entry.bundle]
+    every = versions(
+        entry.machine, root
+    )  # one that was deleted, or never came here, has a stand-in
+    known = [v for v in every if v.bundle == entry.bundle] or every
+    if not known:
+        raise ValueError(
+            f"the server has no version of {entry.machine} yet: run `dvc repro` to register one"
+        )
     with reached("written"):
         if not client.search_registered_models(f"name='{name}'"):
             create_history(client, name, entry.machine)

@@ -56,6 +56,11 @@ def is_server() -> bool:
     return bool(os.environ.get("MLFLOW_TRACKING_URI"))
 
 
+def is_shared() -> bool:
+    """Whether several people share the store, so that it keeps the histories as well."""
+    return is_server() and not os.environ["MLFLOW_TRACKING_URI"].startswith(("sqlite:", "file:"))
+
+
 def exists(root: Path) -> bool:
     """Whether there is a registry to look into."""
     return is_server() or (root / DATABASE).exists()

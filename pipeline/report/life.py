@@ -155,6 +155,8 @@ def _decision_section(facts: "MachineFacts", entry: Entry, decision: Decision) -
     path = (facts.folders.history or facts.folders.models).with_suffix("")
     used = sources(facts.shelf, path / f"{entry.number:04d}.json")
     may = "may serve" if decision.may_serve else "may not serve"
+    if decision.anyway and not decision.may_serve:
+        may = "may not serve by the rules, and was promoted all the same,"
     changed = facts.titles(list(decision.changed)) if decision.changed else "no sub-model"
     text = (
         f"Version {decision.challenger.version} {may} in the place of version "

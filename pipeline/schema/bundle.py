@@ -188,7 +188,7 @@ def copy_bundle(source: Path, bundle: Bundle, target: Path, warm: Path | None = 
         beside.replace(target)
         return
     exchange(beside, target)
-    if warm is not None and (beside / BUNDLE).exists():
+    if warm is not None and (beside / BUNDLE).exists():  # after the copy: it may be the source
         shutil.rmtree(warm, ignore_errors=True)
         warm.parent.mkdir(parents=True, exist_ok=True)
         beside.replace(warm)

@@ -107,11 +107,11 @@ def serving_at(entries: Iterable[Entry], moment: str) -> Entry | None:
     return next((one for one in reversed(served(entries)) if one.at <= moment), None)
 
 
-def left_at(entries: Iterable[Entry], version: int) -> str | None:
-    """Time at which a version served last, "" while it serves, None where it never did."""
+def left_at(entries: Iterable[Entry], bundle: str) -> str | None:
+    """Time at which a bundle served last, "" while it serves, None where it never did."""
     serving = served(entries)
     for one, after in zip(reversed(serving), [None, *reversed(serving)], strict=False):
-        if one.version == version:
+        if one.bundle == bundle:
             return "" if after is None else after.at
     return None
 

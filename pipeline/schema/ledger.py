@@ -122,15 +122,20 @@ def asks(nights: Iterable[Night]) -> list[Night]:
     """Nights of the models that served last that ask for work and are still open, by sub-model.
 
     An ask is open from its night on until another model serves, or until the latest
-    :data:`CLOSED_AFTER` nights of its target ask for nothing.
+    :data:`CLOSED_AFTER` nights of its target, or of its sub-model, ask for nothing.
     """
+    known = latest(serving(nights))
     by_target: dict[tuple[str, ...], list[Night]] = {}
-    for one in latest(serving(nights)):
+    by_submodel: dict[str, set[str]] = {}
+    for one in known:
         by_target.setdefault(one.target, []).append(one)
+        by_submodel.setdefault(one.submodel, set()).add(one.night)
     open_: dict[str, Night] = {}
     for some in by_target.values():
         for one in some[-CLOSED_AFTER:]:
-            if one.ask and one.night >= getattr(open_.get(one.submodel), "night", ""):
+            since = sorted(by_submodel[one.submodel])[-CLOSED_AFTER:][0]
+            other = open_.get(one.submodel)
+            if one.ask and one.night >= max(since, other.night if other else ""):
                 open_[one.submodel] = one
     return list(open_.values())
 

@@ -155,8 +155,11 @@ def _of_submodel(verb: str, which: str) -> Entry:
     )
 
 
-def run(name: str, *paths: str) -> None:
-    """Load the sections that the stage needs and call it; ValueError if an input changes then."""
+def run(name: str, *paths: str, written: str = "") -> None:
+    """Load the sections that the stage needs and call it; ValueError if an input changes then.
+
+    ``written`` is the path of those that it writes where that is not the one of dvc.yaml.
+    """
     run_as, (name, _, item) = name, name.partition("@")
     stage = load_stage(name)
     if len(paths) != len(stage.paths):
@@ -171,9 +174,10 @@ def run(name: str, *paths: str) -> None:
     }
     for path in paths:  # DVC removes outs before a stage, with the folder when it held no more
         Path(path).parent.mkdir(parents=True, exist_ok=True)
-    before = inputs(run_as, paths)
+    read = [path for path in paths if path != written]
+    before = inputs(run_as, read)
     stage.call(*map(Path, paths), **loaded)
-    check_unchanged(before, inputs(run_as, paths))
+    check_unchanged(before, inputs(run_as, read))
 
 
 def main() -> None:

@@ -20,10 +20,10 @@ from pipeline.schema.ranges import NotNegative, Ranged
 from pipeline.schema.store import StoreError, read_json
 from pipeline.schema.verdict import Role, Score, Status, Verdict
 from pipeline.submodels.cases import Cases, golden_used, leak_reasons, learnt_from, newest_day
-from pipeline.submodels.contract import SubModel
+from pipeline.submodels.contract import SubModel, Target
 from pipeline.submodels.judge import judge
 from pipeline.submodels.scoring import ALL, FEWEST_GROUPS
-from pipeline.submodels.statistics import gains
+from pipeline.submodels.statistics import LEVEL, gains
 
 Look = Literal["golden", "newest day", "sealed"]
 """Cases that are looked at."""
@@ -59,6 +59,8 @@ class Contest:
     champion: Status = "not judged"
     challenger: Status = "not judged"
     """Status of each against its limits, on the cases that were looked at."""
+    lost: tuple[str, ...] = ()
+    """Targets and groups that the champion predicts and the challenger does not, in words."""
     learnt: tuple[str, ...] = ()
     """Frozen records that the challenger was fitted on, in words."""
     canaries: tuple[str, ...] = ()
@@ -82,19 +84,22 @@ def contest(
     challenger: Path,
     settings: PromotionSettings,
     look: Look = "golden",
+    tests: int = 1,
 ) -> Contest | None:
     """Compare the errors of both models of a sub-model on the same cases.
 
     ``judging`` are settings of its judging type; ``read`` gives the cases for champion and for
     challenger, which differ where it builds on other models; ``champion`` and ``challenger`` are
-    the folders of the two models.  Where both verdicts are on the present golden set, their scores
-    are taken.  None where there is no case of that look at all.
+    the folders of the two models; ``tests`` the comparisons of the whole decision.  Where both
+    verdicts are on the present golden set and by the present limits, their scores are taken.  None
+    where there is no case of that look.
     """
     name, folders = submodel.name, (champion, challenger)
     try:
         models: list[Model] = [read_json(f / "model.json", submodel.model) for f in folders]
         verdicts = [read_json(folder / VERDICT, Verdict) for folder in folders]
-        if look != "golden" or not _same_cases(models, verdicts, sets):
+        limits = [submodel.targets(judging, model) for model in models]
+        if look != "golden" or not _same_cases(models, verdicts, limits, sets):
             both = [cases() for cases in read]
             looked_at, roles = _looked_at(both[1][0], look)
             if look != "golden" and not looked_at:
@@ -107,18 +112,22 @@ def contest(
                 judge(
                     model, submodel.load(folder, judging),
                     Cases(cases=tuple(case for case in cases.cases if case.name in names)),
-                    submodel.targets(judging, model), sets=sets, files=files, roles=roles,
+                    targets, sets=sets, files=files, roles=roles,
                 ).verdict
-                for model, folder, (cases, files) in zip(models, folders, both, strict=True)
+                for model, folder, targets, (cases, files) in zip(
+                    models, folders, limits, both, strict=True
+                )
             ]  # fmt: skip
     except StoreError as error:
         return Contest(submodel=name, compared=(), note=f"cannot be compared: {error}")
-    compared = tuple(compare(verdicts[0], verdicts[1], settings))
+    compared = tuple(compare(verdicts[0], verdicts[1], settings, tests=tests))
+    if look != "golden" and not compared:  # nobody worked, or nothing was measured
+        return None
     note = "" if compared else "no case that neither model was fitted on could be compared"
     return Contest(
         submodel=name, compared=compared, note=note,
         champion=verdicts[0].status, challenger=verdicts[1].status,
-        learnt=tuple(_learnt(models[1], sets)),
+        lost=tuple(_lost(verdicts[0], verdicts[1])), learnt=tuple(_learnt(models[1], sets)),
         canaries=tuple(one.words for one in verdicts[1].canaries if one.status == "failed"),
     )  # fmt: skip
 
@@ -131,9 +140,12 @@ def _looked_at(cases: Cases, look: Look) -> tuple[Sequence[Any], tuple[Role, ...
 
 
 def _same_cases(
-    models: Sequence[Model], verdicts: Sequence[Verdict], sets: GoldenSets | None
+    models: Sequence[Model],
+    verdicts: Sequence[Verdict],
+    limits: Sequence[Sequence[Target]],
+    sets: GoldenSets | None,
 ) -> bool:
-    """Whether two verdicts are on the same golden cases, the present ones, none of them learnt."""
+    """Whether two verdicts are on the present golden cases and limits, and no case was learnt."""
     if sets is None or sets.golden is None:
         return False
     first, second = ({(c.case, c.group) for c in v.cases if c.role == "golden"} for v in verdicts)
@@ -141,8 +153,16 @@ def _same_cases(
     return (
         first == second
         and all(v.judged_role == "golden" and v.golden == present for v in verdicts)
+        and all(_judged_by(v, targets) for v, targets in zip(verdicts, limits, strict=True))
         and not any(_learnt(model, sets) for model in models)
     )
+
+
+def _judged_by(verdict: Verdict, targets: Sequence[Target]) -> bool:
+    """Whether the scores of a verdict were held against the limits of some targets."""
+    wanted = {(t.quantity, t.regime): dict(t.limits) for t in targets}
+    own = [s for s in verdict.scores if s.role == "golden" and s.limits]
+    return all(wanted.get((s.quantity, s.regime)) == dict(s.limits) for s in own)
 
 
 def _learnt(model: Model, sets: GoldenSets | None) -> list[str]:
@@ -157,10 +177,13 @@ def _learnt(model: Model, sets: GoldenSets | None) -> list[str]:
     return list(found)
 
 
-def compare(champion: Verdict, challenger: Verdict, settings: PromotionSettings) -> list[Compared]:
+def compare(
+    champion: Verdict, challenger: Verdict, settings: PromotionSettings, *, tests: int = 1
+) -> list[Compared]:
     """Errors of two models of a sub-model, paired over the groups that decide.
 
-    Both are verdicts on the same cases.
+    Both are verdicts on the same cases.  Of ``tests`` comparisons in all each is held to its share
+    of the level (Bonferroni), so that many quantities make no gain by chance.
     """
     first, second = _by_group(champion), _by_group(challenger)
     targets = dict.fromkeys((s.quantity, s.regime, s.unit) for s in second.values())
@@ -173,7 +196,7 @@ def compare(champion: Verdict, challenger: Verdict, settings: PromotionSettings)
         mean_old, mean_new = (
             float(np.mean([pair[side].mae or 0.0 for pair in pairs])) for side in (0, 1)
         )
-        result, worst = _against(pairs, mean_old, mean_new, settings)
+        result, worst = _against(pairs, mean_old, mean_new, settings, LEVEL / max(tests, 1))
         found.append(
             Compared(
                 submodel=challenger.submodel, quantity=quantity, regime=regime, unit=unit,
@@ -189,6 +212,7 @@ def _against(
     old: float,
     new: float,
     settings: PromotionSettings,
+    level: float,
 ) -> tuple[Against, str]:
     """Result of a target from its groups' scores and both means, and the group that alone is bad.
 
@@ -205,9 +229,27 @@ def _against(
     before, after = (
         np.array([pair[side].rmse for pair in pairs], dtype=float) ** 2 for side in (0, 1)
     )
-    if gains(before, after):
+    if gains(before, after, level):
         return ("better" if old - new > spread else "not decided"), ""
     return "equal", ""
+
+
+def deciding(verdict: Verdict) -> list[tuple[str, str]]:
+    """Quantities and regimes that a verdict rests on and that are compared group by group."""
+    return list(dict.fromkeys(key[:2] for key in _by_group(verdict)))
+
+
+def _lost(champion: Verdict, challenger: Verdict) -> list[str]:
+    """What the champion predicts where it decides, and the challenger does not."""
+    first, second = _by_group(champion), _by_group(challenger)
+    kept = {key[:2] for key in second}
+    name = challenger.submodel
+    gone = dict.fromkeys(f"{q} {r}".strip() for q, r, _ in first if (q, r) not in kept)
+    lacking = dict.fromkeys(
+        f"{q} {r}".strip() + f" in {group}"
+        for q, r, group in first if (q, r) in kept and (q, r, group) not in second
+    )  # fmt: skip
+    return [f"{name} no longer predicts {one}" for one in (*gone, *lacking)]
 
 
 def _by_group(verdict: Verdict) -> dict[tuple[str, str, str], Score]:
@@ -237,14 +279,22 @@ def first_rules(
     newest day; ``serving`` are the sub-models of the champion that serve: no other can block.
     """
     served = set(serving)
+    rests = served | {n for n, one in challenger.submodels.items() if one.status == "passed"}
     return [
         _complete(champion, challenger, served),
-        _rule("unseen", [said for one in contests for said in one.learnt]),
-        _rule("canaries", [f"{one.submodel}: {said}" for one in contests for said in one.canaries]),
+        _seen("unseen", {one.submodel: one.learnt for one in contests}, rests),
+        _seen(
+            "canaries",
+            {
+                one.submodel: [f"{one.submodel}: {said}" for said in one.canaries]
+                for one in contests
+            },
+            rests,
+        ),
         _no_new_failure(contests, champion, challenger, served),
         _not_worse("not worse", contests, served),
         _not_worse("newest day", newest, served),
-        _better(contests, champion, challenger),
+        _better(contests, champion, challenger, served),
     ]
 
 
@@ -269,6 +319,13 @@ def _rule(name: RuleName, against: Sequence[str], remarks: Sequence[str] = ()) -
     return Rule(name=name, result=result, words=(*against, *remarks))
 
 
+def _seen(name: RuleName, words: Mapping[str, Sequence[str]], rests: set[str]) -> Rule:
+    """Rule on what a sub-model has seen; one on which nothing rests is said."""
+    said = [(one, word) for one, some in words.items() for word in some]
+    return _rule(name, [word for one, word in said if one in rests],
+                 [word for one, word in said if one not in rests])  # fmt: skip
+
+
 def _complete(champion: Bundle, challenger: Bundle, served: set[str]) -> Rule:
     absent = [name for name in champion.submodels if name not in challenger.submodels]
     return _rule(
@@ -286,7 +343,8 @@ def _no_new_failure(
     changed = {one.submodel: one for one in contests}
     for name, one in challenger.submodels.items():
         before = champion.submodels.get(name)
-        if one.status not in LACKING:
+        again = changed[name].challenger if name in changed else one.status
+        if one.status not in LACKING and again not in LACKING:
             continue
         if before is None:
             remarks.append(f"{name} is new, {one.status}, and does not serve")
@@ -298,7 +356,8 @@ def _no_new_failure(
             remarks.append(f"{name} is {one.status}, and nothing that serves rests on it")
         else:
             why = changed[name].words
-            against.append(f"its {name} is {one.status} where the champion's passes: {why}")
+            status = one.status if one.status in LACKING else again
+            against.append(f"its {name} is {status} where the champion's passes: {why}")
     return _rule("no new failure", against, remarks)
 
 
@@ -312,6 +371,8 @@ def _not_worse(name: RuleName, contests: Sequence[Contest], served: set[str]) ->
         blocks = one.submodel in served
         if not one.compared:
             (against if blocks else remarks).append(f"{one.submodel}: {one.note}")
+        else:
+            (against if blocks else remarks).extend(one.lost)
         for compared in one.compared:
             if compared.result == "worse":
                 (against if blocks else remarks).append(f"worse: {compared.words}")
@@ -322,14 +383,18 @@ def _not_worse(name: RuleName, contests: Sequence[Contest], served: set[str]) ->
     return Rule(name=name, result=rule.result, words=rule.words, figures=figures)
 
 
-def _better(contests: Sequence[Contest], champion: Bundle, challenger: Bundle) -> Rule:
+def _better(
+    contests: Sequence[Contest], champion: Bundle, challenger: Bundle, served: set[str]
+) -> Rule:
     """At least one sub-model that will serve is better, or passed and did not serve before."""
     passed = {name for name, one in challenger.submodels.items() if one.status == "passed"}
     gained = [f"adds {name}, which passed" for name in sorted(passed)
               if name not in champion.submodels]  # fmt: skip
+    before = {name: one.status for name, one in champion.submodels.items()}
+    before |= {one.submodel: one.champion for one in contests}
     gained += [
-        f"{one.submodel} passed where the champion's {one.champion.replace('not', 'was not')}"
-        for one in contests if one.submodel in passed and one.champion in LACKING
+        f"{name} passed and is {before[name]} in the champion" for name in sorted(passed)
+        if before.get(name) in LACKING and name not in served
     ]  # fmt: skip
     compared = [c for one in contests if one.submodel in passed for c in one.compared]
     better = [f"better: {one.words}" for one in compared if one.result == "better"]

@@ -65,6 +65,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     for section in ("mapping", "control", "setup", "control_records"):
         values["machine"][MACHINE][section] = {}
     values |= {"control_fit": {}, "control_limits": {}}
+    values["spindle_limits"] = {"mae_K": 5.0, "rmse_K": 5.0}  # as spindle() judges
     (root / "params.yaml").write_text(yaml.safe_dump(values))
     with pytest.MonkeyPatch.context() as patch, quick_stores():
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)
