@@ -83,9 +83,11 @@ def asked(address: str, name: str, table: pd.DataFrame) -> pd.DataFrame:
     """Answer of a sub-model over HTTP."""
     for column in table.select_dtypes("datetimetz"):
         table[column] = table[column].dt.tz_convert(None)
-    rows = json.loads(table.to_json(orient="split", date_format="iso", double_precision=15))
+        table[column] = table[column].map(pd.Timestamp.isoformat)
+    # every digit: a standstill that is none in the last one has another interval
+    data = table.astype(object).where(table.notna(), None).to_numpy().tolist()
     body = {"params": {"submodel": name},
-            "dataframe_split": {"columns": rows["columns"], "data": rows["data"]}}  # fmt: skip
+            "dataframe_split": {"columns": list(table), "data": data}}  # fmt: skip
     request = urllib.request.Request(
         f"{address}/invocations", json.dumps(body).encode(), {"Content-Type": "application/json"}
     )
