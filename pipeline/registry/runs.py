@@ -97,9 +97,11 @@ def _log(
         _log_curves(bundle, folder, root)
         mlflow.set_tags(tags | {"mlflow.note.content": as_description(card)})
         mlflow.log_text(card, "model_card.md")
-        client_of(root).log_inputs(
-            run.info.run_id, [_training_set(name, folder / name, root) for name in bundle.submodels]
-        )
+        sets = [_training_set(name, folder / name, root) for name in bundle.submodels]
+        try:
+            client_of(root).log_inputs(run.info.run_id, sets)
+        except mlflow.MlflowException:  # somebody else has logged the same set at this moment
+            client_of(root).log_inputs(run.info.run_id, sets)
         _log_identifications(bundle, folder, root, figures)
         model_id = _log_pyfunc(bundle, folder, root, signature, units, run.info)
     client, name = client_of(root), model_name(bundle.machine)
