@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pipeline.app.fleet import active_fleet, check_machine
 from pipeline.champions.promotion import events
-from pipeline.schema.history import SERVING, Entry, instant, serving_at, stamp
+from pipeline.schema.history import Entry, instant, looks, served_until, serving_at, stamp
 
 
 def history_rows(machine: str | None, at: str | None, root: Path = Path()) -> list[dict[str, str]]:
@@ -28,19 +28,16 @@ def history_rows(machine: str | None, at: str | None, root: Path = Path()) -> li
 
 
 def _row(machine: str, entry: Entry, entries: Sequence[Entry]) -> dict[str, str]:
-    until = ""
-    if entry.event in SERVING:
-        later = [e.at for e in entries if e.event in SERVING and e.number > entry.number]
-        until = later[0] if later else "now"
+    until = served_until(entries, entry)
     marks = [entry.why]
     if entry.rules:
         marks.append(f"anyway: {entry.rules}" if entry.anyway else entry.rules)
     if entry.sealed:
-        looks = sum(bool(e.sealed) for e in entries if e.number <= entry.number)
-        marks.append(f"look {looks} at the sealed set")
+        marks.append(f"look {looks(entries, entry)} at the sealed set")
     return {
         "machine": machine, "at": entry.at or "-", "event": entry.event,
-        "version": str(entry.version), "until": until or "-", "by": entry.by,
+        "version": str(entry.version), "until": "-" if until is None else until or "now",
+        "by": entry.by,
         "serving": ", ".join(entry.serving) or "-", "why": "; ".join(filter(None, marks)),
     }  # fmt: skip
 

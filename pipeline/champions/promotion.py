@@ -151,7 +151,8 @@ def rollback(
                 f"version {target.version} of {machine} has not served for {hours:.0f} h, and is "
                 f"warm for {warm:g} h: look at it, and give --force if it shall serve again"
             )
-        data = root / DATA  # an entry that cannot be carried out would hold the machine up
+        # looked for first: an entry that cannot be carried out would hold the machine up
+        data = root / DATA
         bundle_place(target.bundle, names_of(machine, root), data / "models" / machine,
                      data / "champion" / machine, root=root)  # fmt: skip
         return _carried_out(_added(
@@ -237,10 +238,8 @@ def changing(machine: str, root: Path) -> Iterator[None]:
 
 def _check_choice(machine: str, root: Path) -> None:
     """Take a choice of before there were histories into one; refuse one that another lacks."""
-    chosen, entries = (
-        read_champions(root / CHAMPIONS).machines.get(machine),
-        served(history_of(machine, root)),
-    )
+    chosen = read_champions(root / CHAMPIONS).machines.get(machine)
+    entries = served(history_of(machine, root))
     if chosen is None:
         return
     if not entries:
@@ -270,7 +269,7 @@ def _take_over(machine: str, root: Path) -> None:
     if len(others) > len(own):
         write_history(others, history_path(machine, root))
     for entry in own[shared:]:
-        others = claim(entry, root)
+        claim(entry, root)
 
 
 def _added(machine: str, root: Path, document: str = "", *, event: Event, **fields: Any) -> Entry:

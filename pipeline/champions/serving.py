@@ -97,29 +97,20 @@ def keep_serving(machine: str, names: Sequence[str], root: Path = Path()) -> Cha
     held = stored_bundle(serves, machine)
     if champion is not None and held is not None and held.sha256 == champion.bundle:
         register(held, serves, root)
-    if os.environ.get(EXPERIMENT_RUN):  # what an experiment makes challenges nobody
-        return _filled(champion, newest, names, root)
-    register(newest, models, root, made_with=lambda: made_with(machine, names, root))
+    experiment = bool(os.environ.get(EXPERIMENT_RUN))  # what it makes challenges nobody
+    if not experiment:
+        register(newest, models, root, made_with=lambda: made_with(machine, names, root))
     wanted = champion.bundle if champion else first_serving(newest, versions(machine, root))
     filled = fill_champion(wanted, names, models, serves, root=root)
     champion = champion_of(machine, root) or first_champion(filled, root)
     shared = served(server_history(machine, root))
-    if shared and shared[-1].bundle != wanted:  # a clone that has not heard of a promotion yet
+    unheard = shared and shared[-1].bundle != wanted  # by this clone
+    if experiment or unheard:
         return champion
     other = None if wanted == newest.sha256 else newest.sha256
     name_versions(machine, root, champion=wanted, challenger=other)
     note_promotion(machine, root, champion)
     return champion
-
-
-def _filled(
-    champion: Champion | None, newest: Bundle, names: Sequence[str], root: Path
-) -> Champion:
-    """Files of what serves, without a registered version for the newest bundle."""
-    wanted, data = champion.bundle if champion else newest.sha256, root / DATA
-    models, serves = data / "models" / newest.machine, data / "champion" / newest.machine
-    filled = fill_champion(wanted, names, models, serves, root=root)
-    return champion or first_champion(filled, root)
 
 
 def refilled(machine: str, names: Sequence[str], root: Path) -> Champion | None:

@@ -10,7 +10,15 @@ from typing import Any
 
 from pipeline.registry.provenance import plain
 from pipeline.registry.runs import HEAD, as_description
-from pipeline.registry.store import Version, client_of, is_shared, model_name, reached, versions
+from pipeline.registry.store import (
+    Version,
+    client_of,
+    is_shared,
+    made_by_another,
+    model_name,
+    reached,
+    versions,
+)
 from pipeline.schema.decision import Decision
 from pipeline.schema.history import Entry, whole
 from pipeline.schema.store import json_text, parsed
@@ -33,7 +41,7 @@ def server_history(machine: str, root: Path) -> tuple[Entry, ...]:
     """
     if not is_shared():
         return ()
-    with reached("written"):
+    with reached("read", "do this again when it answers"):
         found = client_of(root).search_model_versions(f"name='{history_name(machine)}'")
     lines = [v.tags.get(ENTRY, "") for v in sorted(found, key=lambda v: int(v.version))]
     return whole(
@@ -45,9 +53,7 @@ def server_history(machine: str, root: Path) -> tuple[Entry, ...]:
 def claim(entry: Entry, root: Path) -> tuple[Entry, ...]:
     """Write an entry to the server; the chain after it, which holds the entry if it came first."""
     client, name = client_of(root), history_name(entry.machine)
-    every = versions(
-        entry.machine, root
-    )  # one that was deleted, or never came here, has a stand-in
+    every = versions(entry.machine, root)  # a bundle that is gone has a stand-in
     known = [v for v in every if v.bundle == entry.bundle] or every
     if not known:
         raise ValueError(
@@ -55,7 +61,9 @@ def claim(entry: Entry, root: Path) -> tuple[Entry, ...]:
         )
     with reached("written"):
         if not client.search_registered_models(f"name='{name}'"):
-            create_history(client, name, entry.machine)
+            about = f"Who served {entry.machine} when, by whom and why: see `kerf history`."
+            with made_by_another():
+                client.create_registered_model(name, description=about)
         model = client.get_model_version(model_name(entry.machine), str(known[-1].version))
         client.create_model_version(
             name, model.source, known[-1].run or None, tags={ENTRY: entry.line},
@@ -63,19 +71,6 @@ def claim(entry: Entry, root: Path) -> tuple[Entry, ...]:
             description=f"{entry.event}: version {entry.version}, {entry.by}, {entry.why}",
         )  # fmt: skip
     return server_history(entry.machine, root)
-
-
-def create_history(client: Any, name: str, machine: str) -> None:
-    """Make the registered model of a history, unless somebody did so meanwhile."""
-    import mlflow
-
-    try:
-        client.create_registered_model(
-            name, description=f"Who served {machine} when, by whom and why: see `kerf history`."
-        )
-    except mlflow.MlflowException as error:
-        if error.error_code != "RESOURCE_ALREADY_EXISTS":
-            raise
 
 
 def log_decision(decision: Decision, version: Version, root: Path) -> None:

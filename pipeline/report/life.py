@@ -8,7 +8,7 @@ from pipeline.charts.numbers import moment
 from pipeline.charts.sections import Section, present
 from pipeline.charts.tables import Cell, Column, Table, code, sources, tabulated
 from pipeline.schema.decision import RULES, Compared, Decision, Result, Rule
-from pipeline.schema.history import SERVING, Entry, instant, read_history, served
+from pipeline.schema.history import Entry, instant, looks, read_history, served, served_until
 from pipeline.schema.store import StoreError
 
 if TYPE_CHECKING:
@@ -38,13 +38,6 @@ class Life:
     """State of what serves."""
     sections: list[Section]
     notes: list[str]
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Event:
-    entry: Entry
-    until: str
-    looks: int
 
 
 def life_of(facts: "MachineFacts") -> Life | None:
@@ -105,38 +98,36 @@ def _state(facts: "MachineFacts", entries: tuple[Entry, ...]) -> "tuple[Status, 
 
 
 def _history_section(facts: "MachineFacts", entries: tuple[Entry, ...]) -> Section:
-    looks = sum(bool(one.sealed) for one in entries)
+    looked = looks(entries, entries[-1]) if entries else 0
     against = sum(one.anyway for one in entries)
     text = (
         "Each line is an entry of an append-only file, and names the hash of the one before. "
-        f"Promoted against the rules: {against}. Looks at the sealed set: {looks}."
+        f"Promoted against the rules: {against}. Looks at the sealed set: {looked}."
     )
     return Section(key="history", title="Who served when, by whom and why", text=[text],
                    blocks=present(_history_table(facts, entries)))  # fmt: skip
 
 
 def _history_table(facts: "MachineFacts", entries: tuple[Entry, ...]) -> Table | None:
-    events = []
-    for entry in entries:
-        later = [e.at for e in entries if e.event in SERVING and e.number > entry.number]
-        until = "–" if entry.event not in SERVING else _at(later[0]) if later else "now"
-        looks = sum(bool(e.sealed) for e in entries if e.number <= entry.number)
-        events.append(_Event(entry=entry, until=until, looks=looks))
-    columns: tuple[Column[_Event], ...] = (
-        Column("At", lambda one: _at(one.entry.at)),
-        Column("event", lambda one: _event(one.entry)),
-        Column("version", lambda one: str(one.entry.version), unit=""),
-        Column("serves until", lambda one: one.until),
-        Column("by", lambda one: one.entry.by),
-        Column("why", lambda one: one.entry.why),
-        Column("against it, rules", lambda one: ", ".join(BROKEN.findall(one.entry.rules)) or "–"),
-        Column("sealed set", lambda one: f"look {one.looks}" if one.entry.sealed else "–"),
-        Column("bundle, sha256", lambda one: code(one.entry.bundle[:12])),
+    def until(one: Entry) -> str:
+        left = served_until(entries, one)
+        return "–" if left is None else _at(left) if left else "now"
+
+    columns: tuple[Column[Entry], ...] = (
+        Column("At", lambda one: _at(one.at)),
+        Column("event", _event),
+        Column("version", lambda one: str(one.version), unit=""),
+        Column("serves until", until),
+        Column("by", lambda one: one.by),
+        Column("why", lambda one: one.why),
+        Column("against it, rules", lambda one: ", ".join(BROKEN.findall(one.rules)) or "–"),
+        Column("sealed set", lambda one: f"look {looks(entries, one)}" if one.sealed else "–"),
+        Column("bundle, sha256", lambda one: code(one.bundle[:12])),
     )
     path = facts.folders.history
     return tabulated(
         "Events, the latest first",
-        list(reversed(events)),
+        list(reversed(entries)),
         columns,
         sources(facts.shelf, path) if path is not None else (),
     )

@@ -107,6 +107,18 @@ def serving_at(entries: Iterable[Entry], moment: str) -> Entry | None:
     return next((one for one in reversed(served(entries)) if one.at <= moment), None)
 
 
+def served_until(entries: Iterable[Entry], entry: Entry) -> str | None:
+    """Time until which an entry served, "" while it does, None where nothing serves by it."""
+    if entry.event not in SERVING:
+        return None
+    return next((one.at for one in served(entries) if one.number > entry.number), "")
+
+
+def looks(entries: Iterable[Entry], entry: Entry) -> int:
+    """Looks at a sealed set up to an entry and with it."""
+    return sum(bool(one.sealed) for one in entries if one.number <= entry.number)
+
+
 def left_at(entries: Iterable[Entry], bundle: str) -> str | None:
     """Time at which a bundle served last, "" while it serves, None where it never did."""
     serving = served(entries)

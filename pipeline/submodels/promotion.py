@@ -255,10 +255,10 @@ def _lost(champion: Verdict, challenger: Verdict) -> list[str]:
 def _by_group(verdict: Verdict) -> dict[tuple[str, str, str], Score]:
     """Scores of targets that decide, by quantity, regime and group."""
     own = [s for s in verdict.scores if s.role == verdict.judged_role]
-    deciding = {(s.quantity, s.regime) for s in own if s.status != "not judged"}
+    rests_on = {(s.quantity, s.regime) for s in own if s.status != "not judged"}
     return {
         (s.quantity, s.regime, s.group): s for s in own
-        if (s.quantity, s.regime) in deciding and s.group != ALL and None not in (s.mae, s.rmse)
+        if (s.quantity, s.regime) in rests_on and s.group != ALL and None not in (s.mae, s.rmse)
     }  # fmt: skip
 
 

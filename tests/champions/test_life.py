@@ -26,7 +26,7 @@ from pipeline.champions.serving import champion_of, history_of, history_path, ke
 from pipeline.registry.store import client_of, model_name, versions
 from pipeline.schema.bundle import Served, bundle_of, read_champions
 from pipeline.schema.decision import Decision
-from pipeline.schema.history import serving_at
+from pipeline.schema.history import looks, served_until, serving_at
 from pipeline.schema.store import StoreError, read_json, write_json
 from pipeline.schema.verdict import Canary, Verdict
 from tests.bundled_project import GOLDEN, MACHINE, project, quick_stores, source, spindle
@@ -185,6 +185,10 @@ def test_a_better_spindle_serves_beside_an_old_failure_comes_back_and_all_is_tol
         ("rolled back", 1, "Lee", "noise in the bearing"),
         ("rolled back", 2, "Lee", "again"),
     ]
+    entries = events(MACHINE, root)
+    until = [served_until(entries, one) for one in entries]
+    assert until == [*(one.at for one in entries[1:]), ""]
+    assert [looks(entries, one) for one in entries] == [0, 1, 1, 1]
     served = [serving_at(events(MACHINE, root), f"2026-03-0{day}T13:00:00Z") for day in (1, 4, 6)]
     assert [one.version for one in served if one] == [2, 1, 2]
 
