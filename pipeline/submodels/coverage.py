@@ -22,8 +22,8 @@ from pipeline.submodels.statistics import jackknife_half_width, student_quantile
 CheckReasons = tuple[list[str], list[str]]
 """Reasons of a check: for sure, and too near to the limit to tell."""
 STATED_FROM = 9
-"""Least number of training groups whose worst holds 90 % of a new group's samples with a
-probability of 0.9 [1]; the width of fewer is wider by design."""
+"""Least number of training groups [1] of one value each whose greatest error is that of 90 %; that
+of fewer holds any other share."""
 NORMAL_90 = 1.645
 """Half of a 90 % interval of a normal distribution over its standard deviation [1]."""
 OF_NONE = 3.0
