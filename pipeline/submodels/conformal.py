@@ -6,11 +6,11 @@ model of the others, so that no group is spent on calibration alone (Vovk 2015).
 
 Samples of a group hang together, and a new group is what the interval has to hold for, so groups
 count as whole: the half width of a regime is the 90 % quantile of its absolute residuals, where
-each group weighs the same and the worst one twice, in the place of the group to come.  Conformal
-prediction of groups (Lee, Barber and Willett 2023) puts the one to come at infinity, and holds more
-than 90 % by that; here it is like the worst that was seen.  So the interval holds 90 % of a new
-group's samples in the mean, of two groups, alike or of kinds of their own, as of forty; what few
-groups did not show it cannot hold.
+each group weighs the same, and the worst stands for the group to come and for those that
+:data:`TELLING` ones would have as well.  Conformal prediction of groups (Lee, Barber and Willett
+2023) puts the group to come at infinity, and holds more than 90 % by that.  So the interval holds
+90 % of a new group's samples in the mean over groups, of few of them a little more; what they did
+not show it cannot hold.
 
 Adaptive over time: a factor on the half width rises when a measured value that has become known lay
 outside and falls when it lay inside (quantile tracking, Angelopoulos, Candes and Tibshirani 2023;
@@ -30,6 +30,8 @@ from pipeline.schema.model import Bands as Bands
 
 LEVEL = 0.9
 """Share of samples that an interval shall hold [1]."""
+TELLING = 9
+"""Least number of groups of one value each [1] whose greatest is exceeded by one new one in ten."""
 ALL_REGIMES = ""
 """Name of the band over all regimes, for samples of a regime that was not seen in training."""
 
@@ -123,14 +125,16 @@ def bands(residuals: Residuals) -> dict[str, Band]:
 
 
 def _band(residuals: Residuals) -> Band:
-    """90 % quantile of sizes, each group of the same weight, the worst counted twice."""
+    """90 % quantile of sizes, each group of the same weight, the worst also for those to come."""
     size = np.abs(residuals.error)
     _, group, count = np.unique(residuals.group, return_inverse=True, return_counts=True)
     order = np.argsort(size, kind="stable")
     size, group = size[order], group[order]
-    weight = 1.0 / ((len(count) + 1) * count[group])
+    counted = max(len(count), TELLING) + 1
+    weight = 1.0 / (counted * count[group])
+    worst = counted - len(count) + 1
     half = max(
-        _quantile(size, np.where(group == worst, 2 * weight, weight)) for worst in range(len(count))
+        _quantile(size, np.where(group == one, worst * weight, weight)) for one in range(len(count))
     )
     return Band(lower=half, upper=half, n=len(size), groups=len(count))
 
