@@ -124,7 +124,7 @@ def verify_page(page: Path, place: Path, sample: int | None = None) -> Verified:
         record = read_json(record_of(page), PageRecord, REMEDY)
     except UnicodeDecodeError as error:
         raise ValueError(f"{page} is no page of Kerf ({error}): {REMEDY}") from error
-    changed, ids = tuple(_changed(record.files)), [one.id for one in record.figures]
+    changed, ids = tuple(_changed(record.files)), list(record.figures)
     found = partial(
         Verified, page=str(page), inputs=len(record.files), shown=len(ids), changed=changed
     )
@@ -223,7 +223,7 @@ def _compared(
     record: PageRecord, html: str, again: str, figures: Iterable[str]
 ) -> Iterator[Mismatch]:
     """Each of some figures whose words or lines differ, with the first of them."""
-    files = {one.id: one.files for one in record.figures}
+    files = record.figures
     shown, right = shown_by(html, files), shown_by(again, files)
     for figure in figures:
         both = zip_longest(shown.get(figure, ()), right.get(figure, ()), fillvalue="nothing")
