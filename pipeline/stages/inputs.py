@@ -2,8 +2,8 @@
 
 A stage that reads a file before it changed and another after it has a result of no state of the
 records.  DVC hashes dependencies only after the command, and would store that result as the one of
-the new state.  So each input is noted at the start, by its content or, of a large file, by size, time
-of change and inode, and looked at again at the end.
+the new state.  So each input is noted at the start, by its content or, of a large file, by size,
+time of change and inode, and looked at again at the end.
 """
 
 from collections.abc import Iterable, Mapping
