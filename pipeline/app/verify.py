@@ -271,10 +271,10 @@ def _scores_again(record: PageRecord, most: int | None) -> Iterator[Mismatch]:
                                len(model.trained_on))
     }  # fmt: skip
     for was in verdict.scores[:most]:
-        now = again.get((was.quantity, was.regime, was.role, was.group))
+        now = again.get((was.quantity, was.regime, was.role, was.group), was)
         for key in ERRORS:
-            old, new = getattr(was, key), getattr(now, key, None)
-            if None in (old, new) or abs(old - new) <= LAST_DIGIT * max(abs(old), now.rmse):
+            old, new = getattr(was, key), getattr(now, key)
+            if None in (old, new) or abs(old - new) <= LAST_DIGIT * max(abs(old), now.rmse or 0):
                 continue
             regime = f", {was.regime}" if was.regime else ""
             yield Mismatch(

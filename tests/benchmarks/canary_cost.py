@@ -1,6 +1,6 @@
 """Share of the canaries in the processor time of each judgement of a project that is built.
 
-``python -m tests.benchmarks.canary_cost`` in the project; what is judged is written elsewhere.
+``python tests/benchmarks/canary_cost.py`` in the project; what is judged is written elsewhere.
 """
 
 import sys

@@ -1,13 +1,15 @@
 """Cuts on a dynamometer that would tell more of the force coefficients.
 
-Rows are the mean forces over a revolution, linear in the six coefficients, with the covariance of
-:mod:`.law_draws`: zeros, a gain and a wear of each recording, and what more recordings do not
-average out: crosstalk, wear in the order of the feeds, and a size effect and an edge force that
-grows with the chip as far as they bend a straight line over the named range of feeds.
+Rows are the mean forces over a revolution, linear in the six coefficients, with the errors of
+:mod:`.law_draws`: zeros, a gain and a wear of each recording, by which its rows are whitened, and
+what more recordings do not average out, each a nuisance of known spread: the shares of the channels
+in each other, wear in the order of the feeds, a size effect and an edge force that grows with the
+chip, as far as they bend a straight line over the named range of feeds.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 
@@ -15,11 +17,15 @@ from pipeline.cutting.force.force_law import COEFFICIENTS, N_MM, N_MM2, design, 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import CutConditions, CuttingModel
 from pipeline.schema.si import MM
-from pipeline.submodels.cutting.law_draws import GAINS, WEARS, error_covariances, named_range
+from pipeline.submodels.cutting.law_draws import CROSSTALK, FRICTION, GAINS, WEARS, named_range
 from pipeline.submodels.next_recording import Candidate, Design
 
+GAIN, WEAR = GAINS[1], WEARS[1]
+"""Shares of gain and wear, the middle ones of the draws [1]."""
 SIZE_EFFECT, GROWTH = 0.1, 3e-6
 """Standard deviations of the exponent m of a size effect [1] and of the growth h_0 [m]."""
+NUISANCES = 9
+"""Crosstalk of three channels, wear in the order of the feeds, two bends of the law [1]."""
 LEAST_N = 0.3
 """Least standard deviation of a mean force by its zero [N]."""
 CUTS = 6
@@ -68,15 +74,30 @@ def _table(some: Sequence[CutConditions], m: float = 0.0, growth: float = 0.0) -
 def _information(
     some: Sequence[CutConditions], sizes: Floats, zero: float, named: Sequence[CutConditions]
 ) -> Floats:
-    """Information of the mean forces of some cuts on the coefficients; shape (6, 6)."""
-    table = _table(some)
-    parts = error_covariances(some, np.full(len(table), zero**2), table, table @ sizes)
-    covariance = parts.total(1.0, GAINS[1], WEARS[1], 0.0)
-    for m, growth in ((SIZE_EFFECT, 0.0), (0.0, GROWTH)):
-        line = local_lines(np.full((1, 3), m), np.array([growth]), sizes[None], named)[0]
-        bend = _table(some, m, growth) @ sizes - table @ line
-        covariance += np.outer(bend, bend)
-    return np.asarray(table.T @ np.linalg.solve(covariance, table))
+    """Information of the mean forces of some cuts on the coefficients alone; shape (6, 6)."""
+    laws = [(SIZE_EFFECT, 0.0), (0.0, GROWTH)]
+    lines = [
+        local_lines(np.full((1, 3), m), np.array([growth]), sizes[None], named)[0]
+        for m, growth in laws
+    ]
+    middle = float(np.sqrt(named[0].f_z * named[-1].f_z))
+    both = np.zeros((6 + NUISANCES, 6 + NUISANCES))
+    for c in some:
+        table = _table([c])
+        force, edge = table @ sizes, table[:, 3:] @ (sizes[3:] * np.array([FRICTION, 1.0, 0.0]))
+        # what each nuisance at its standard deviation adds to the three means
+        nuisances = np.column_stack([
+            *(CROSSTALK * force[b] * np.eye(3)[a] for a, b in permutations(range(3), 2)),
+            WEAR * np.sqrt(0.5) * edge * np.log(c.f_z / middle),
+            *(_table([c], *law) @ sizes - table @ line
+              for law, line in zip(laws, lines, strict=True)),
+        ])  # fmt: skip
+        own = GAIN**2 * np.outer(force, force) + WEAR**2 / 2 * np.outer(edge, edge)
+        columns = np.hstack([table, nuisances])
+        both += columns.T @ np.linalg.solve(own + zero**2 * np.eye(3), columns)
+    rest = slice(6, None)
+    known = both[rest, rest] + np.eye(NUISANCES)
+    return np.asarray(both[:6, :6] - both[:6, rest] @ np.linalg.solve(known, both[rest, :6]))
 
 
 def cut_series(training: Sequence[CutConditions]) -> Iterator[tuple[str, list[CutConditions]]]:

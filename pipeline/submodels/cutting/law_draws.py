@@ -221,8 +221,7 @@ def law_draws(
     line = line if many else None
     scales = list(product(UNDERSTATED, GAINS, WEARS, (0.0,) if line is None else SHAPES))
     straight = np.concatenate([design(one, (0.0, 0.0, 0.0), 0.0) for one in each])
-    stated = np.concatenate([one.variance[0] for one in cuts])
-    parts = error_covariances(each, stated, straight, means, line)
+    parts = _covariances(cuts, straight, means, line)
     if line is not None:
         tables = np.concatenate([tables, line.tables(exponents, growths)], axis=1)
         means = np.concatenate([means, line.values])
@@ -245,7 +244,7 @@ def law_draws(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Covariances:
+class _Covariances:
     """Covariances for s, g, w and the factor of a fitted line of one, and that of crosstalk."""
 
     stated: Floats
@@ -255,25 +254,23 @@ class Covariances:
     crosstalk: Floats
 
     def total(self, understated: float, gain: float, wear: float, shape: float) -> Floats:
-        """Covariance for s, g, w and the factor of a fitted line."""
         return (
             understated**2 * self.stated + gain**2 * self.gain + wear**2 * self.wear
             + shape**2 * self.shape + self.crosstalk
         )  # fmt: skip
 
 
-def error_covariances(
-    each: Sequence[CutConditions], stated: Floats, table: Floats, means: Floats,
-    line: FittedLine | None = None,
-) -> Covariances:  # fmt: skip
-    """Covariance of the means (3 R,), and of the six rows of a fitted line after them.
+def _covariances(
+    cuts: Sequence[CutHarmonics], table: Floats, means: Floats, line: FittedLine | None
+) -> _Covariances:
+    """Covariance of the means, and of the six rows of a fitted line after them.
 
-    ``stated`` are their variances [N^2], ``table`` is that of a straight line, to whose radial edge
-    force the wear refers.
+    ``table`` is that of a straight line, to whose radial edge force the wear refers.
     """
-    count, more = len(each), 0 if line is None else 6
+    count, more = len(cuts), 0 if line is None else 6
     fitted = np.linalg.lstsq(table * PRIOR, means, rcond=None)[0] * PRIOR
     land = max(abs(float(fitted[4])), abs(float(fitted[3]))) * np.array([FRICTION, 1.0, 0.0])
+    each = [one.conditions for one in cuts]
     forces, worn = np.zeros((3 * count + more, count)), np.zeros((3 * count + more, count))
     rows = table[:, 3:] @ land
     for k in range(count):
@@ -286,7 +283,8 @@ def error_covariances(
         forces[3 * count :], worn[3 * count :] = line.gain, line.edges @ land
         crosstalk = np.concatenate([crosstalk, line.crosstalk])
         shape = line.covariance
-    return Covariances(
+    stated = np.concatenate([one.variance[0] for one in cuts])
+    return _Covariances(
         stated=block_diag(np.diag(stated), none), gain=forces @ forces.T,
         wear=worn @ _alike(each) @ worn.T,
         shape=block_diag(np.zeros((3 * count, 3 * count)), shape),
