@@ -39,6 +39,9 @@ TIMES = 4.0
 FAINTEST = 1 / 17
 """Least share of a noisy copy over one row [1], with noise four times what is left of the
 measurement; one with more cannot be told from a smooth cause of all of it."""
+ROUGH = 0.5
+"""Median bend over one row over that over four, above which an input is rough [1]: of white noise
+it is 1, of a random walk 1/2; a smooth input, as what a model says, is no copy in noise."""
 CHANCE = 1e-3
 """Probability that chance alone explains more in one of the inputs [1]."""
 CLIPPED = 3.0
@@ -116,15 +119,13 @@ def _of_inputs(quantity: str, one: Explained) -> Canary:
 
 def _of_predictions(frame: pd.DataFrame, targets: Sequence[Target], deciding: Role) -> list[Canary]:
     """Targets that are predicted as measured bit for bit; none of too few samples."""
-    checked, found = 0, []
+    checked, found, tables = 0, [], {}
+    if len(frame):
+        both = frame["measured"].to_numpy(float) + frame["predicted"].to_numpy(float)
+        known = frame[(frame["role"] == deciding) & frame["scored"] & np.isfinite(both)]
+        tables = dict(list(known.groupby(["quantity", "regime"], sort=False)))
     for target in targets:
-        if not len(frame):
-            break
-        rows = frame[
-            (frame["quantity"] == target.quantity) & (frame["regime"] == target.regime)
-            & (frame["role"] == deciding) & frame["scored"]
-            & np.isfinite(frame["measured"].to_numpy(float) + frame["predicted"].to_numpy(float))
-        ]  # fmt: skip
+        rows = tables.get((target.quantity, target.regime), frame[:0])
         if len(rows) < SAMPLES or rows["measured"].nunique() < VALUES:
             continue
         checked += 1
@@ -222,7 +223,9 @@ def _noisy(tables: Sequence[SeenInputs], names: Sequence[str]) -> Iterator[Expla
     *_, next_, most = sorted(shares, key=lambda name: shares[name])
     chance = float(chdtri(len(SHIFTS), CHANCE / len(shares))) / len(table)
     bound = max(TIMES * shares[next_], chance, FAINTEST)
-    yield Explained(name=most, share=shares[most], apart=1, bound=bound)
+    near, far = (np.median(np.abs(_bends(tables, [most], apart, (0,))[0])) for apart in APART[:2])
+    if near > ROUGH * far:
+        yield Explained(name=most, share=shares[most], apart=1, bound=bound)
 
 
 def _left(columns: Floats, others: Floats) -> Floats:

@@ -165,15 +165,15 @@ def _narrowing(design: Design) -> list[NextRecording]:
     now = design.half_width()
     after = sorted((design.half_width(one.information), one.record) for one in design.candidates)
     found = [
-        _narrowed(record, design.interval, design.unit, now, half, OPTIMAL, design.independent,
-                  MINUTES)
+        _narrowed(record, design.interval, design.unit, now, half, method=OPTIMAL,
+                  units=design.independent, minutes=MINUTES)
         for half, record in after[:BEST]
     ]  # fmt: skip
     return [one for k, one in enumerate(found) if one.noticed or not k]
 
 
 def _narrowed(
-    record: str, interval: str, unit: str, now: float, half: float, method: str, units: int,
+    record: str, interval: str, unit: str, now: float, half: float, *, method: str, units: int,
     minutes: float | None = None,
 ) -> NextRecording:  # fmt: skip
     """A recording after which an interval that ``units`` of records gave is ``half``."""
@@ -240,7 +240,7 @@ def _covering(verdict: Verdict, groups: int) -> Iterator[NextRecording]:
     yield _narrowed(
         f"{name} at {value} {far.unit}".strip() + f", learnt {far.learnt} alone",
         f"mean 90 % interval of {total.quantity}", total.unit, total.half_width,
-        total.half_width * after(name) / mean(outside), COVERS, groups,
+        total.half_width * after(name) / mean(outside), method=COVERS, units=groups,
     )  # fmt: skip
 
 
@@ -259,7 +259,8 @@ def _of_groups(title: str, verdict: Verdict, groups: int) -> Iterator[NextRecord
     like = next((_conditions(one) for one in verdict.cases if one.group == worst.group), "")
     yield _narrowed(
         f"one more like {worst.group}{like}, where the {title} is predicted worst",
-        f"mean RMSE of {worst.quantity}", worst.unit, now, half, GROUPS, groups,
+        f"mean RMSE of {worst.quantity}", worst.unit, now, half, method=GROUPS,
+        units=groups,
     )  # fmt: skip
 
 
