@@ -121,7 +121,7 @@ def verify(
         to.json([asdict(one) for one in found], json)
         for line in said(found):
             to.say(line)
-    if any(one.mismatches for one in found):
+    if any(one.failed for one in found):
         raise typer.Exit(1)
 
 

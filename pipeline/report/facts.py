@@ -43,12 +43,6 @@ class ActionRow:
     href: str = ""
     english: tuple[str, ...] = ()
 
-    @property
-    def shown(self) -> tuple[str, ...]:
-        """Action, place, reason and deadline of the row, as they were contributed."""
-        one = self.action
-        return (one.what, one.where, one.why, one.until)
-
     def until(self, say: Texts) -> str:
         """Deadline, in words."""
         key = f"until.{self.action.until}"
