@@ -16,19 +16,21 @@ from unittest import mock
 import pandas as pd
 import pytest
 
-from pipeline.champions.promotion import decision_path, events, promote, rollback, settle
+from pipeline.champions.promotion import events, promote, rollback, settle
 from pipeline.champions.serving import (
     champion_of,
     first_champion,
     first_serving,
     history_of,
+    history_path,
     made_with,
     status,
 )
 from pipeline.registry.loading import load, place_of
 from pipeline.registry.provenance import CHAMPIONS, hash_of_files, requirements, training_files
 from pipeline.registry.runs import model_card
-from pipeline.registry.store import Version, client_of, model_name, versions
+from pipeline.registry.sqlite import Version
+from pipeline.registry.store import client_of, model_name, versions
 from pipeline.schema.bundle import (
     Bundle,
     BundledModel,
@@ -38,6 +40,7 @@ from pipeline.schema.bundle import (
     write_champions,
 )
 from pipeline.schema.decision import Decision
+from pipeline.schema.history import document_of
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Status, Verdict
 from pipeline.submodels.contract import submodel, submodels
@@ -574,7 +577,7 @@ def test_each_look_at_the_sealed_set_is_counted(root: Path) -> None:
     promote(MACHINE, root, why="better")
     (look,) = [e for e in events(MACHINE, root) if e.sealed]
     assert look.event == "promoted" and len(look.sealed) == 64
-    decision = read_json(decision_path(look, root), Decision)
+    decision = read_json(document_of(history_path(MACHINE, root), look), Decision)
     rule = decision.rules[-1]
     assert (rule.name, rule.result) == ("sealed", "kept")
     assert {one.groups for one in rule.figures} == {1}

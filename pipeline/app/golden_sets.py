@@ -36,7 +36,6 @@ def freeze_set(
     if not manifest.exists():
         raise ValueError(f"{manifest} does not exist: run `dvc repro ingest@{machine}` first")
     known = _document(manifest)["files"]
-    from pipeline.signals.conditions import share_rows
     from pipeline.submodels.cases import files_of_days, sources
 
     there = _days_there(machine, known, zone)
@@ -64,21 +63,37 @@ def freeze_set(
         raise ValueError("name what to freeze: --first and --last of a week, or --files")
     path = DATA / "golden" / f"{machine}.json"
     sets = read_golden(path) or GoldenSets(machine=machine)
-    other = sets.golden if sealed else sets.sealed
-    taken = [one.file for one in (other.files if other else ())]
-    both = sorted(name for name in names if any(share_rows(name, one) for one in taken))
-    if both:
-        raise ValueError(
-            f"{both[0]} is in the {'golden' if sealed else 'sealed'} set of {machine} already: a "
-            "file is in one of them"
-        )
     frozen = FrozenSet(
         files=sources(known, sorted(names)), days=days, time_zone=zone, whole=tuple(sorted(clocked))
     )
+    other = sets.golden if sealed else sets.sealed
+    if other is not None and (both := _shared(frozen, other, known)):
+        raise ValueError(
+            f"{both} is in the {'golden' if sealed else 'sealed'} set of {machine} already: a "
+            "file, or a day of a log, is in one of them"
+        )
     _ask_before(machine, sets.sealed if sealed else sets.golden, frozen, path, again)
     changed = replace(sets, sealed=frozen) if sealed else replace(sets, golden=frozen)
     write_golden(changed, path)
     return frozen
+
+
+def _shared(one: FrozenSet, other: FrozenSet, known: dict[str, Any]) -> str:
+    """First day or file that two sets share, empty where none; a log may have days in both."""
+    from pipeline.signals.conditions import share_rows
+
+    days = (one.days, other.days)
+    if days[0] and days[1]:
+        day = max(days[0].first, days[1].first)
+        if day in days[0] and day in days[1]:
+            return day
+
+    def by_days(name: str) -> bool:
+        parted = all(days) and bool(known.get(name, {}).get("last"))
+        return parted and name not in (*one.whole, *other.whole)
+
+    return next((a.file for a in one.files for b in other.files
+                 if share_rows(a.file, b.file) and not by_days(a.file)), "")  # fmt: skip
 
 
 def _fitting(machine: str, known: dict[str, Any], pattern: str) -> set[str]:

@@ -8,24 +8,25 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.champions.serving import (
     DATA,
+    FIRST_BY,
     fill_champion,
     made_with,
     names_of,
     params_of,
+    promotion_settings,
     serving_of,
 )
 from pipeline.registry.loading import checked_place
 from pipeline.registry.runs import register
 from pipeline.registry.store import name_versions, versions
 from pipeline.schema.bundle import BUNDLE, VERDICT, Bundle, Champion, bundle_of
-from pipeline.schema.decision import Decision, Side
+from pipeline.schema.decision import Decision, Rule, Side
 from pipeline.schema.golden import GoldenSets, read_golden
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 from pipeline.submodels.promotion import (
     Contest,
     Look,
-    PromotionSettings,
     contest,
     deciding,
     first_rules,
@@ -35,16 +36,6 @@ from pipeline.submodels.promotion import (
 if TYPE_CHECKING:
     from pipeline.submodels.cases import Cases, Records
     from pipeline.submodels.promotion import Files
-
-
-def promotion_settings(root: Path) -> PromotionSettings:
-    """Tolerances in params.yaml, or the usual ones."""
-    from pipeline.parameters import structure
-
-    values = params_of(root)
-    if "promotion" not in values:
-        return PromotionSettings()
-    return structure(values, "promotion", PromotionSettings)
 
 
 def decide(
@@ -68,9 +59,7 @@ def decide(
         raise ValueError(f"{machine} has no champion yet: run `dvc repro` to register the first")
     serves, models = root / DATA / "champion" / machine, root / DATA / "models" / machine
     if now.bundle == challenger.sha256:
-        if to is not None:
-            raise ValueError(f"version {to} of {machine} is its champion already")
-        raise ValueError(f"{machine} has no challenger: run `dvc repro` on new records to make one")
+        return _accepted(machine, now, challenger, to), ""
     champion = fill_champion(now.bundle, names, models, serves, root=root)
     version = register(challenger, folder, root, made_with=lambda: made_with(machine, names, root))
     if to is None:
@@ -102,6 +91,21 @@ def decide(
     last = sealed_rule(sealed, {*serving, *decision.serving})
     looked = sets.sealed.sha256 if sealed else ""  # where nothing was compared nothing was seen
     return replace(decision, rules=(*rules, last)), looked
+
+
+def _accepted(machine: str, now: Champion, bundle: Bundle, to: int | None) -> Decision:
+    """Decision on the first bundle, which serves and which nobody had chosen."""
+    if to is None:
+        raise ValueError(f"{machine} has no challenger: run `dvc repro` on new records to make one")
+    if now.by != FIRST_BY:
+        raise ValueError(f"version {to} of {machine} is its champion already")
+    words = ("it serves already, as the first bundle, which nobody had chosen",)
+    rule = Rule(name="complete", result="kept", words=words)
+    return Decision(
+        machine=machine, origin=bundle.origin, champion=_side(to, bundle),
+        challenger=_side(to, bundle), changed=(), golden="", rules=(rule,),
+        serving=now.serving or (),
+    )  # fmt: skip
 
 
 def _challenger(

@@ -9,14 +9,8 @@ from pipeline.registry.history import server_history
 from pipeline.registry.loading import checked_place
 from pipeline.registry.provenance import CHAMPIONS
 from pipeline.registry.runs import register
-from pipeline.registry.store import (
-    ARTIFACTS,
-    DATABASE,
-    Version,
-    name_versions,
-    note_promotion,
-    versions,
-)
+from pipeline.registry.sqlite import ARTIFACTS, Version
+from pipeline.registry.store import DATABASE, name_versions, offline, versions
 from pipeline.schema.bundle import (
     BUNDLE,
     VERDICT,
@@ -27,6 +21,7 @@ from pipeline.schema.bundle import (
     read_champions,
     stored_bundle,
 )
+from pipeline.schema.decision import PromotionSettings
 from pipeline.schema.history import Entry, read_history, served
 from pipeline.schema.store import StoreError, read_json
 from pipeline.schema.verdict import Verdict
@@ -39,8 +34,12 @@ FIRST_BY, FIRST_WHY = "dvc repro", "first bundle"
 
 
 def history_of(machine: str, root: Path = Path()) -> tuple[Entry, ...]:
-    """The machine's history; see :func:`~pipeline.schema.history.read_history`."""
-    return read_history(history_path(machine, root))
+    """The machine's history, whole by itself, its decisions and champions.json.
+
+    Raises StoreError where it is not, see :func:`~pipeline.schema.history.read_history`.
+    """
+    last = read_champions(root / CHAMPIONS).histories.get(machine, "")
+    return read_history(history_path(machine, root), last)
 
 
 def history_path(machine: str, root: Path = Path()) -> Path:
@@ -51,7 +50,7 @@ def history_path(machine: str, root: Path = Path()) -> Path:
 def champion_in(entry: Entry) -> Champion:
     """Champion by an entry from which on it serves."""
     return Champion(version=entry.version, bundle=entry.bundle, since=entry.at, by=entry.by,
-                    why=entry.why, serving=entry.serving)  # fmt: skip
+                    why=entry.reason, serving=entry.serving)  # fmt: skip
 
 
 def champion_of(machine: str, root: Path = Path()) -> Champion | None:
@@ -65,8 +64,8 @@ def champion_of(machine: str, root: Path = Path()) -> Champion | None:
 
 
 def first_champion(bundle: Bundle, root: Path = Path()) -> Champion:
-    """Champion without a promotion; version 0 where no store has it."""
-    known = versions(bundle.machine, root)
+    """Champion without a promotion; version 0 where no store that answers has it."""
+    known = [] if offline() else versions(bundle.machine, root)
     number = next((v.version for v in known if v.bundle == bundle.sha256), 0)
     lacking = bundle.named("failed", "not decided", "not judged")
     return Champion(
@@ -108,8 +107,7 @@ def keep_serving(machine: str, names: Sequence[str], root: Path = Path()) -> Cha
     if experiment or unheard:
         return champion
     other = None if wanted == newest.sha256 else newest.sha256
-    name_versions(machine, root, champion=wanted, challenger=other)
-    note_promotion(machine, root, champion)
+    name_versions(machine, root, champion, challenger=other)
     return champion
 
 
@@ -179,6 +177,15 @@ def params_of(root: Path) -> dict[str, Any]:
     return read_params(root / PARAMS)
 
 
+def promotion_settings(root: Path) -> PromotionSettings:
+    """Tolerances in params.yaml, or the usual ones."""
+    from pipeline.parameters import structure
+
+    values = params_of(root)
+    return structure(values | {"promotion": values.get("promotion", {})}, "promotion",
+                     PromotionSettings)  # fmt: skip
+
+
 def names_of(machine: str, root: Path) -> tuple[str, ...]:
     """Sub-models of a machine in the fleet that is built."""
     from pipeline.fleet import Fleet
@@ -208,37 +215,37 @@ def status(machine: str, names: Sequence[str], root: Path = Path()) -> list[dict
     """Rows for ``kerf status``: one for each of the sub-models of a machine.
 
     Columns: ``machine``, ``origin``, ``sub-model``, ``latest`` and ``champion`` (verdicts),
-    ``serving`` and ``challenger`` (versions).  A missing champion is filled into the store first.
+    ``serving`` and ``challenger`` (versions; a number that only a server knows is ``-`` while it
+    does not answer).  A missing champion is filled into the store first.
     """
     if not names:
         keys = ("origin", "sub-model", "latest", "champion", "serving", "challenger")
         return [{"machine": machine, **dict.fromkeys(keys, "-"), "latest": NO_SUBMODEL}]
-    champion = refilled(machine, names, root)
-    numbers = {v.bundle: v.version for v in reversed(versions(machine, root))}
+    away, models = bool(offline()), root / DATA / "models" / machine
+    champion = champion_of(machine, root) if away else refilled(machine, names, root)
+    known = [] if away else versions(machine, root)
+    numbers = {v.bundle: v.version for v in reversed(known)}
     serves = stored_bundle(root / DATA / "champion" / machine, machine)
-    newest = newest_bundle(root / DATA / "models" / machine, names)
-    other = champion is not None and newest is not None and newest.sha256 != champion.bundle
-    since = f" since {champion.since[:10]}" if champion and champion.since else ""
+    newest = newest_bundle(models, names)
+    serving = challenger = "-"
+    if champion is not None:
+        since = f" since {champion.since[:10]}" if champion.since else ""
+        serving = f"version {champion.version or '-'}{since}"
+        if newest is not None and newest.sha256 != champion.bundle:
+            challenger = f"version {numbers.get(newest.sha256, '-')}"
     rows = []
     for name in names:
-        path = root / DATA / "models" / machine / name / VERDICT
+        path = models / name / VERDICT
         verdict = read_json(path, Verdict) if path.exists() else None
         held = serves.submodels.get(name) if serves else None
+        idle = "" if champion is None or champion.serves(name) else ", does not serve"
         rows.append(
             {
-                "machine": machine,
-                "origin": verdict.origin if verdict else "-",
+                "machine": machine, "origin": verdict.origin if verdict else "-",
                 "sub-model": name,
                 "latest": verdict.status if verdict else "not built: run `dvc repro`",
-                "champion": "-"
-                if held is None or champion is None
-                else held.status
-                if champion.serves(name)
-                else f"{held.status}, does not serve",
-                "serving": f"version {champion.version}{since}" if champion else "-",
-                "challenger": f"version {numbers.get(newest.sha256, '-')}"
-                if other and newest
-                else "-",
+                "champion": f"{held.status}{idle}" if held and champion else "-",
+                "serving": serving, "challenger": challenger,
             }
-        )
+        )  # fmt: skip
     return rows

@@ -13,10 +13,9 @@ from typing import Any, Literal
 import numpy as np
 
 from pipeline.schema.bundle import VERDICT, Bundle
-from pipeline.schema.decision import Against, Compared, Result, Rule, RuleName
+from pipeline.schema.decision import Against, Compared, PromotionSettings, Result, Rule, RuleName
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.model import Model
-from pipeline.schema.ranges import NotNegative, Ranged
 from pipeline.schema.store import StoreError, read_json
 from pipeline.schema.verdict import Role, Score, Status, Verdict
 from pipeline.submodels.cases import Cases, golden_used, leak_reasons, learnt_from, newest_day
@@ -34,18 +33,6 @@ LACKING: tuple[Status, ...] = ("failed", "not judged")
 Files = Mapping[str, Mapping[str, Any]]
 ReadCases = Callable[[], tuple[Cases, Files]]
 """Cases of a sub-model, and the manifest of the raw files."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PromotionSettings(Ranged, section="promotion"):
-    """Tolerances of a promotion, and how long the one before stays warm."""
-
-    tolerance: NotNegative = 0.05
-    """Greatest rise of the mean absolute error of any target over the champion's [1]."""
-    group_tolerance: NotNegative = 0.5
-    """Greatest rise in a single group (day, recording, tool), over the champion's mean [1]."""
-    warm_hours: NotNegative = 48.0
-    """Time for which the one before can be taken back at once and cannot be deleted [h]."""
 
 
 @dataclass(frozen=True, kw_only=True)
