@@ -229,8 +229,38 @@ def test_a_history_that_was_changed_is_refused_with_its_line(root: Path) -> None
     with pytest.raises(StoreError, match=r"mill01.jsonl, line 2 does not follow the line before"):
         settle(MACHINE, root)
     path.write_text("no line\n")
+    (root / "champions.json").write_text('{"machines": {}}')
     with pytest.raises(StoreError, match=r"line 1 is no JSON.*git checkout"):
         champion_of(MACHINE, root)
+
+
+def test_the_last_line_and_the_decisions_are_guarded_too(root: Path) -> None:
+    challenged(root, 0.0, None)
+    promote(MACHINE, root, why="new oil", by="Kim", now=NOON)
+    path = history_path(MACHINE, root)
+    lines = path.read_text()
+    for changed in (lines.replace("new oil", "old oil"), lines.partition("\n")[0] + "\n", ""):
+        path.write_text(changed)
+        for read in (history_of, events, settle):
+            with pytest.raises(StoreError, match=r"lacks the entry .* by champions.json; .*git ch"):
+                read(MACHINE, root)
+    path.write_text(lines)
+    document = document_of(path, history_of(MACHINE, root)[-1])
+    document.write_text(document.read_text().replace("new oil", "old oil"))
+    with pytest.raises(StoreError, match=r"0002.json is not the decision that .*line 2 names"):
+        judged(MACHINE, root)
+
+
+def test_a_further_rollback_goes_one_further_back(root: Path) -> None:
+    for error_K in (0.5, 0.0):
+        challenged(root, error_K, None)
+        promote(MACHINE, root, why="better", by="Kim", now=NOON)
+    for version in (2, 1):
+        assert rollback(MACHINE, root, why="noise", by="Lee", now=at(1)).version == version
+    with pytest.raises(ValueError, match="before version 1; for --to there are 2, 3$"):
+        rollback(MACHINE, root, why="noise", now=at(2))
+    assert rollback(MACHINE, root, why="mended", to=3, now=at(2)).version == 3
+    assert rollback(MACHINE, root, why="not mended", now=at(3)).version == 1
 
 
 def test_the_files_follow_the_history(root: Path) -> None:
