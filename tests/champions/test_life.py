@@ -257,7 +257,7 @@ def test_a_further_rollback_goes_one_further_back(root: Path) -> None:
         promote(MACHINE, root, why="better", by="Kim", now=NOON)
     for version in (2, 1):
         assert rollback(MACHINE, root, why="noise", by="Lee", now=at(1)).version == version
-    with pytest.raises(ValueError, match="before version 1; for --to there are 2, 3$"):
+    with pytest.raises(ValueError, match=r"before version 1; for --to there are 2, 3$"):
         rollback(MACHINE, root, why="noise", now=at(2))
     assert rollback(MACHINE, root, why="mended", to=3, now=at(2)).version == 3
     assert rollback(MACHINE, root, why="not mended", now=at(3)).version == 1
