@@ -1,7 +1,7 @@
 """Cases of each sub-model of a machine in its frozen sets, and what is too little to freeze."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from glob import escape
 from typing import Any
 
@@ -26,22 +26,6 @@ ROLES: tuple[Role, ...] = (*FROZEN, "held_out", "training")
 """Roles in the order in which their cases are counted, those of the sets first."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class FrozenCases:
-    """Cases of a sub-model by role, and why fewer are frozen than its two sets need."""
-
-    submodel: str
-    golden: int = 0
-    sealed: int = 0
-    held_out: int = 0
-    training: int = 0
-    """Cases of each role."""
-    frozen: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """Names of the cases of the golden and of the sealed set."""
-    lacking: str = ""
-    """Why the sub-model has no golden or no sealed case; empty where it has both."""
-
-
 def frozen_cases(machine: str) -> dict[str, Any]:
     """Frozen sets of ``machine`` and its cases by sub-model and role, from its ingested records."""
     manifest = DATA / "signals" / machine / "manifest.json"
@@ -57,8 +41,7 @@ def frozen_cases(machine: str) -> dict[str, Any]:
         "sealed": _summary(known.sealed),
         "looks": len(looks),
         "submodels": [
-            asdict(_counted(name, _cases(name, machine, values, sets)))
-            for name in _submodels(machine)
+            _counted(name, _cases(name, machine, values, sets)) for name in _submodels(machine)
         ],
     }
 
@@ -86,11 +69,15 @@ def frozen_text(found: dict[str, Any]) -> Iterator[str]:
                 yield f"{one['submodel']}, {name} cases: {', '.join(one['frozen'][name])}"
 
 
-def _counted(name: str, cases: Cases) -> FrozenCases:
-    counts = {role: len(cases.of(role)) for role in ROLES}
+def _counted(name: str, cases: Cases) -> dict[str, Any]:
+    """Cases of a sub-model by role, names of the frozen ones, and why a set has none."""
     refused = "" if cases.cases or not cases.left_out else f"no case: {cases.left_out[0].reason}"
-    frozen = {role: tuple(case.name for case in cases.of(role)) for role in FROZEN}
-    return FrozenCases(submodel=name, **counts, frozen=frozen, lacking=refused or lacking(cases))
+    return {
+        "submodel": name,
+        **{role: len(cases.of(role)) for role in ROLES},
+        "frozen": {role: [case.name for case in cases.of(role)] for role in FROZEN},
+        "lacking": refused or lacking(cases),
+    }
 
 
 def _summary(frozen: FrozenSet | None) -> dict[str, Any] | None:

@@ -157,9 +157,7 @@ def rollback(
                 f"warm for {warm:g} h: look at it, and give --force if it shall serve again"
             )
         # looked for first: an entry that cannot be carried out would hold the machine up
-        data = root / DATA
-        bundle_place(target.bundle, names_of(machine, root), data / "models" / machine,
-                     data / "champion" / machine, root=root)  # fmt: skip
+        bundle_place(machine, target.bundle, names_of(machine, root), root)
         return _carried_out(_added(
             machine, root, event="rolled back", version=target.version, bundle=target.bundle,
             at=moment, by=by, why=why, serving=target.serving,
@@ -300,9 +298,10 @@ def _added(machine: str, root: Path, document: str = "", *, event: Event, **fiel
 def _note_present(machine: str, root: Path) -> None:
     """Bring champions.json to the history: what serves, and the hash of the last entry."""
     entries, champions = history_of(machine, root), read_champions(root / CHAMPIONS)
-    wanted = champions.promoted(machine, champion_in(served(entries)[-1]), entries[-1].sha256)
-    if wanted != champions:
-        write_champions(wanted, root / CHAMPIONS)
+    for last in served(entries)[-1:]:
+        wanted = champions.promoted(machine, champion_in(last), entries[-1].sha256)
+        if wanted != champions:
+            write_champions(wanted, root / CHAMPIONS)
 
 
 def _beginning(machine: str, root: Path) -> tuple[Entry, ...]:
@@ -310,7 +309,8 @@ def _beginning(machine: str, root: Path) -> tuple[Entry, ...]:
     champion = champion_of(machine, root)
     if champion is None:
         return ()
-    known = [v for v in versions(machine, root) if v.bundle == champion.bundle]
+    stored = [] if offline() else versions(machine, root)
+    known = [v for v in stored if v.bundle == champion.bundle]
     at = champion.since or (known[-1].created if known else "")
     held = stored_bundle(root / DATA / "champion" / machine, machine)
     serving = champion.serving
@@ -326,11 +326,10 @@ def _beginning(machine: str, root: Path) -> tuple[Entry, ...]:
 def _carried_out(entry: Entry, root: Path) -> Champion:
     """Bring files, champions.json and aliases to an entry from which on a version serves."""
     machine, champion = entry.machine, champion_in(entry)
-    names, data = names_of(machine, root), root / DATA
-    models, serves = data / "models" / machine, data / "champion" / machine
-    fill_champion(champion.bundle, names, models, serves, root=root, keep=True)
+    names = names_of(machine, root)
+    fill_champion(machine, champion.bundle, names, root, keep=True)
     _note_present(machine, root)
-    newest = newest_bundle(models, names)
+    newest = newest_bundle(machine, names, root)
     before = [e.bundle for e in served(history_of(machine, root)) if e.bundle != champion.bundle]
     name_versions(
         machine, root, champion, previous=before[-1] if before else None,

@@ -100,7 +100,7 @@ def keep_serving(machine: str, names: Sequence[str], root: Path = Path()) -> Cha
     if not experiment:
         register(newest, models, root, made_with=lambda: made_with(machine, names, root))
     wanted = champion.bundle if champion else first_serving(newest, versions(machine, root))
-    filled = fill_champion(wanted, names, models, serves, root=root)
+    filled = fill_champion(machine, wanted, names, root)
     champion = champion_of(machine, root) or first_champion(filled, root)
     shared = served(server_history(machine, root))
     unheard = shared and shared[-1].bundle != wanted  # by this clone
@@ -113,41 +113,40 @@ def keep_serving(machine: str, names: Sequence[str], root: Path = Path()) -> Cha
 
 def refilled(machine: str, names: Sequence[str], root: Path) -> Champion | None:
     """The champion; a store that lacks it, deleted or another server, is filled first."""
-    champion, models = champion_of(machine, root), root / DATA / "models" / machine
+    champion = champion_of(machine, root)
     known = {v.bundle for v in versions(machine, root)}
-    if champion is None or champion.bundle in known or newest_bundle(models, names) is None:
+    if champion is None or champion.bundle in known or newest_bundle(machine, names, root) is None:
         return champion
     return keep_serving(machine, names, root)
 
 
 def fill_champion(
-    bundle: str, names: Sequence[str], models: Path, target: Path, *, root: Path = Path(),
-    keep: bool = False,
-) -> Bundle:  # fmt: skip
-    """Fill ``target`` with the bundle of a hash: from itself, ``models``, warm, or the registry.
+    machine: str, bundle: str, names: Sequence[str], root: Path, *, keep: bool = False
+) -> Bundle:
+    """Fill ``data/champion/<machine>`` with the bundle of a hash; see :func:`bundle_place`.
 
     With ``keep`` what it held stays warm.  Raises ValueError when the bundle lies nowhere.
     """
-    source, held = bundle_place(bundle, names, models, target, root=root)
+    source, held = bundle_place(machine, bundle, names, root)
+    target, warm = (root / DATA / name / machine for name in ("champion", "warm"))
     if source != target:
-        warm = root / DATA / "warm" / target.name
         copy_bundle(source, held, target, warm if keep else None)
     return held
 
 
 def bundle_place(
-    bundle: str, names: Sequence[str], models: Path, target: Path, *, root: Path = Path()
+    machine: str, bundle: str, names: Sequence[str], root: Path
 ) -> tuple[Path, Bundle]:
-    """Folder that holds the bundle of a hash; see :func:`fill_champion`.
+    """Folder with the bundle of a hash: what serves, is warm, is newest, or is registered.
 
     Raises ValueError when it lies nowhere.
     """
-    machine = target.name
+    models, target = (root / DATA / name / machine for name in ("models", "champion"))
     for folder in (target, root / DATA / "warm" / machine):
         there = stored_bundle(folder, machine)
         if there is not None and there.sha256 == bundle:
             return folder, there
-    newest = newest_bundle(models, names)
+    newest = newest_bundle(machine, names, root)
     if newest is not None and newest.sha256 == bundle:
         return models, newest
     found = [v for v in versions(machine, root) if v.bundle == bundle]
@@ -162,10 +161,10 @@ def bundle_place(
     return source, read_json(source / BUNDLE, Bundle)
 
 
-def newest_bundle(models: Path, names: Sequence[str]) -> Bundle | None:
+def newest_bundle(machine: str, names: Sequence[str], root: Path) -> Bundle | None:
     """The bundle in ``data/models/<machine>``; None without one, and while it is half built."""
     try:
-        return bundle_of(models, models.name, names) if names else None
+        return bundle_of(root / DATA / "models" / machine, machine, names) if names else None
     except StoreError:
         return None
 
@@ -226,7 +225,7 @@ def status(machine: str, names: Sequence[str], root: Path = Path()) -> list[dict
     known = [] if away else versions(machine, root)
     numbers = {v.bundle: v.version for v in reversed(known)}
     serves = stored_bundle(root / DATA / "champion" / machine, machine)
-    newest = newest_bundle(models, names)
+    newest = newest_bundle(machine, names, root)
     serving = challenger = "-"
     if champion is not None:
         since = f" since {champion.since[:10]}" if champion.since else ""

@@ -6,4 +6,4 @@ bundle with the code that reads it, in a sqlite file beside the project or on th
 ``MLFLOW_TRACKING_URI``.  MLflow is imported only to write or load a version: it takes seconds.
 """
 
-__all__ = ["history", "loading", "provenance", "runs", "store"]
+__all__ = ["history", "loading", "provenance", "runs", "sqlite", "store"]

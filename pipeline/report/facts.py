@@ -13,7 +13,7 @@ from pipeline.charts.sections import Action, PartVerdict, SubModelPage
 from pipeline.charts.sources import SourceRegistry, picked, shown
 from pipeline.charts.submodel_page import PageContent, Subject, submodel_page
 from pipeline.report.alarms import Alarms, machine_alarms
-from pipeline.report.folders import MachineFolders, program_pages
+from pipeline.report.folders import CHOICES, MachineFolders, program_pages
 from pipeline.report.part_programs import MODELS, PartPrograms, part_programs
 from pipeline.report.programs.simulated import Program, program_of, simulated_programs
 from pipeline.report.records import Changed, RecordsRead, records_read
@@ -214,8 +214,6 @@ def serving(
     return Serving(path=path, bundle=bundle, older=older, history=history, broken=broken)
 
 
-CHOICES = "promotions and rollbacks"
-"""Work that writes histories and decisions."""
 REMOVED_A_DAY = 50
 """Wrong values of one item on a working day above which its sensor or wiring is in doubt."""
 SILENT_S = float(DAY)

@@ -1,22 +1,22 @@
 """Page of a model's life: what serves, what was decided, by which rules, who said so."""
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.charts.numbers import moment
 from pipeline.charts.sections import Section, present
 from pipeline.charts.tables import Cell, Column, Table, code, sources, tabulated
-from pipeline.report.facts import CHOICES
-from pipeline.schema.bundle import Bundle
+from pipeline.report.folders import CHOICES
 from pipeline.schema.decision import RULES, Compared, Decision, Result, Rule
 from pipeline.schema.history import Entry, document_of, instant, looks, served, served_until
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pipeline.report.facts import MachineFacts, Status
+    from pipeline.report.facts import MachineFacts, Serving, Status
+
+    State = tuple[Status, str, list[str]]
 
 LIFE = "life"
 """Subject of the page."""
@@ -29,20 +29,8 @@ SIGNS: "Mapping[Result, str]" = {
 AGAINST = {"better": "passed", "worse": "failed", "equal": "unknown", "not decided": "unknown"}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Life:
-    """The page's content."""
-
-    status: "Status"
-    word: str
-    sentences: list[str]
-    """State of what serves."""
-    sections: list[Section]
-    notes: list[str]
-
-
-def life_of(facts: "MachineFacts") -> Life | None:
-    """Page of a machine; None where nothing serves."""
+def life_of(facts: "MachineFacts") -> "tuple[State, list[Section]] | None":
+    """State and sections of a machine's page; None where nothing serves."""
     if facts.serving is None:
         return None
     entries = facts.serving.history
@@ -51,9 +39,7 @@ def life_of(facts: "MachineFacts") -> Life | None:
     if decisions:
         last = max(decisions)
         sections.append(_decision_section(facts, entries[last - 1], decisions[last]))
-    status, word, sentences = _state(facts, facts.serving.bundle, entries)
-    notes = [facts.serving.broken] if facts.serving.broken else []
-    return Life(status=status, word=word, sentences=sentences, sections=sections, notes=notes)
+    return _state(facts, facts.serving, entries), sections
 
 
 def _decision(facts: "MachineFacts", entry: Entry) -> Decision | None:
@@ -63,11 +49,9 @@ def _decision(facts: "MachineFacts", entry: Entry) -> Decision | None:
     return facts.shelf.read(document_of(facts.folders.history, entry), Decision, CHOICES)
 
 
-def _state(
-    facts: "MachineFacts", bundle: Bundle, entries: tuple[Entry, ...]
-) -> "tuple[Status, str, list[str]]":
+def _state(facts: "MachineFacts", held: "Serving", entries: tuple[Entry, ...]) -> "State":
     """What serves since when by whom, against which rules, and what does not serve."""
-    statuses = {name: one.status for name, one in bundle.submodels.items()}
+    statuses = {name: one.status for name, one in held.bundle.submodels.items()}
     serving = served(entries)
     if serving:
         last = serving[-1]
@@ -84,7 +68,8 @@ def _state(
     if idle:
         said += f" Without: {', '.join(idle)}."
     status: Status = "attention" if anyway or idle else "passed"
-    return status, "serves" if does else "does not serve", [first + anyway, said]
+    broken = [held.broken] if held.broken else []
+    return status, "serves" if does else "does not serve", [first + anyway, said, *broken]
 
 
 def _history_section(facts: "MachineFacts", entries: tuple[Entry, ...]) -> Section:
