@@ -622,9 +622,9 @@ def test_without_files_it_shows_what_is_frozen_of_each_sub_model(project: Path) 
 @pytest.mark.parametrize(
     ("first", "last", "said"),
     [
-        ("monday", MONDAY, "'monday' is no day: write it as YYYY-MM-DD"),
+        ("monday", MONDAY, "the first day 'monday' is no day YYYY-MM-DD"),
         (MONDAY, "2026-02-30", "'2026-02-30' is no day"),
-        ("2026-01-06", MONDAY, f"--first 2026-01-06 lies after --last {MONDAY}"),
+        ("2026-01-06", MONDAY, f"the last day {MONDAY} is before the first, 2026-01-06"),
         ("2025-01-06", "2025-01-07", f"{MACHINE} has no record from 2025-01-06 to 2025-01-07"),
         (MONDAY, MONDAY, "manifest.json does not exist: run `dvc repro ingest@mill01` first"),
     ],

@@ -1,7 +1,6 @@
 """Golden and sealed sets on the command line: files that are frozen, and what may replace them."""
 
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import date
 from fnmatch import fnmatchcase
@@ -35,9 +34,9 @@ def freeze_set(
     manifest = DATA / "signals" / machine / "manifest.json"
     if not manifest.exists():
         raise ValueError(f"{manifest} does not exist: run `dvc repro ingest@{machine}` first")
-    known = _document(manifest)["files"]
-    from pipeline.submodels.cases import files_of_days, sources
+    from pipeline.submodels.cases import Records, files_of_days, sources
 
+    known = Records(manifest=manifest).files
     there = _days_there(machine, known, zone)
     names: set[str] = set()
     if days is not None:
@@ -78,7 +77,7 @@ def freeze_set(
     return frozen
 
 
-def _shared(one: FrozenSet, other: FrozenSet, known: dict[str, Any]) -> str:
+def _shared(one: FrozenSet, other: FrozenSet, known: Mapping[str, Mapping[str, Any]]) -> str:
     """First day or file that two sets share, empty where none; a log may have days in both."""
     from pipeline.signals.conditions import share_rows
 
@@ -96,7 +95,7 @@ def _shared(one: FrozenSet, other: FrozenSet, known: dict[str, Any]) -> str:
                  if share_rows(a.file, b.file) and not by_days(a.file)), "")  # fmt: skip
 
 
-def _fitting(machine: str, known: dict[str, Any], pattern: str) -> set[str]:
+def _fitting(machine: str, known: Mapping[str, Mapping[str, Any]], pattern: str) -> set[str]:
     """Raw files that fit a pattern, or the parts of tables that it names by their columns."""
     from pipeline.signals.conditions import parts_of, selection
 
@@ -128,7 +127,7 @@ def _ask_before(
         raise ValueError(f"{said}: it stays; give --again to freeze another set in its place")
 
 
-def _days_there(machine: str, known: dict[str, Any], zone: str) -> list[str]:
+def _days_there(machine: str, known: Mapping[str, Mapping[str, Any]], zone: str) -> list[str]:
     """Days of the plant with records: of the clean tables, without any those on which files end."""
     from pipeline.signals.windows import state_days
 
@@ -171,22 +170,4 @@ def _days(first: str | None, last: str | None) -> Days | None:
         return None
     if first is None or last is None:
         raise ValueError("--first and --last go together: name both days, or none")
-    days = [_day(day) for day in (first, last)]
-    if days[0] > days[1]:
-        raise ValueError(f"--first {first} lies after --last {last}: name the earlier day first")
-    return Days(first=days[0], last=days[1])
-
-
-def _day(text: str) -> str:
-    try:
-        return date.fromisoformat(text).isoformat()
-    except ValueError as error:
-        raise ValueError(f"{text!r} is no day: write it as YYYY-MM-DD") from error
-
-
-def _document(path: Path) -> dict[str, Any]:
-    try:
-        found: dict[str, Any] = json.loads(path.read_text())
-    except ValueError as error:
-        raise ValueError(f"{path} is no JSON ({error}): run `dvc repro` to write it") from error
-    return found
+    return Days(first=first, last=last)
