@@ -67,9 +67,9 @@ def judged(
     from pipeline.champions.challenge import decide
 
     with changing(machine, root):
-        return decide(machine, champion_of(machine, root), root, to=to, anyway=anyway, seal=False)[
-            0
-        ]
+        champion = champion_of(machine, root)
+        decision, _ = decide(machine, champion, root, to=to, anyway=anyway, seal=False)
+    return decision
 
 
 def promote(

@@ -151,13 +151,10 @@ def looks(entries: Iterable[Entry], entry: Entry) -> int:
     return sum(bool(one.sealed) for one in entries if one.number <= entry.number)
 
 
-def left_at(entries: Iterable[Entry], bundle: str) -> str | None:
+def left_at(entries: Sequence[Entry], bundle: str) -> str | None:
     """Time at which a bundle served last, "" while it serves, None where it never did."""
-    serving = served(entries)
-    for one, after in zip(reversed(serving), [None, *reversed(serving)], strict=False):
-        if one.bundle == bundle:
-            return "" if after is None else after.at
-    return None
+    own = [one for one in served(entries) if one.bundle == bundle]
+    return served_until(entries, own[-1]) if own else None
 
 
 def hours_since(moment: str, now: str) -> float:
