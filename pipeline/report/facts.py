@@ -13,7 +13,7 @@ from pipeline.charts.sections import Action, PartVerdict, SubModelPage
 from pipeline.charts.sources import SourceRegistry, picked, shown
 from pipeline.charts.submodel_page import PageContent, Subject, submodel_page
 from pipeline.report.alarms import Alarms, machine_alarms
-from pipeline.report.folders import MachineFolders, program_pages
+from pipeline.report.folders import CHOICES, MachineFolders, program_pages
 from pipeline.report.part_programs import MODELS, PartPrograms, part_programs
 from pipeline.report.programs.simulated import Program, program_of, simulated_programs
 from pipeline.report.records import Changed, RecordsRead, records_read
@@ -21,6 +21,7 @@ from pipeline.report.texts import Texts
 from pipeline.report.work import Work, work
 from pipeline.schema.bundle import BUNDLE, Bundle, model_hash
 from pipeline.schema.golden import Days, GoldenSets
+from pipeline.schema.history import Entry, read_history
 from pipeline.schema.ledger import Night, read_ledger
 from pipeline.schema.model import Model
 from pipeline.schema.program_cut import AS_WRITTEN, CutProgram
@@ -177,6 +178,10 @@ class Serving:
     """Bundle that serves."""
     older: tuple[str, ...]
     """Sub-models of which the champion and the latest are not the same model."""
+    history: tuple[Entry, ...] = ()
+    """Who served when; empty where nobody has chosen yet, or it cannot be read."""
+    broken: str = ""
+    """Why the history cannot be read."""
 
 
 def serving(
@@ -193,7 +198,14 @@ def serving(
     champion = {name: one.sha256 for name, one in bundle.submodels.items()}
     names = dict.fromkeys([*(one.name for one in parts), *champion])
     older = tuple(name for name in names if latest.get(name) != champion.get(name))
-    return Serving(path=path, bundle=bundle, older=older)
+    history: tuple[Entry, ...] = ()
+    broken = ""
+    if folders.history is not None and shelf.text(folders.history, CHOICES) is not None:
+        try:
+            history = read_history(folders.history)
+        except StoreError as error:
+            broken = f"The history of what serves cannot be read: {error}."
+    return Serving(path=path, bundle=bundle, older=older, history=history, broken=broken)
 
 
 REMOVED_A_DAY = 50

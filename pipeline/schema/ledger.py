@@ -4,13 +4,12 @@ A ledger only grows: a night that is scored again, since its records have grown,
 line, and the later one counts.
 """
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from pipeline.schema.store import StoreError, content, parsed, unstructured, write_text
+from pipeline.schema.store import StoreError, json_line, read_lines, write_text
 
 Result = Literal["within", "over", "no records", "not scored"]
 """Result of a night: within the error budget, over it, too few records of a working day to score,
@@ -70,13 +69,8 @@ class Night:
 
 def read_ledger(path: Path) -> tuple[Night, ...]:
     """Nights in the order in which they were scored; none where there is no file."""
-    if not path.exists():
-        return ()
     remedy = f"restore it with `dvc checkout {path}`, or delete it and run `dvc repro`"
-    return tuple(
-        parsed(line, Night, f"{path}, line {number}", remedy)
-        for number, line in enumerate(content(path, remedy).splitlines(), start=1)
-    )
+    return tuple(night for night, _ in read_lines(path, Night, remedy))
 
 
 def write_ledger(nights: Iterable[Night], path: Path) -> None:
@@ -84,8 +78,7 @@ def write_ledger(nights: Iterable[Night], path: Path) -> None:
 
     Raises StoreError where the stored lines are not the first of the new ones.
     """
-    lines = [json.dumps(unstructured(one), allow_nan=False, ensure_ascii=False) for one in nights]
-    text = "".join(f"{line}\n" for line in lines)
+    text = "".join(f"{json_line(one)}\n" for one in nights)
     before = path.read_text(encoding="utf-8") if path.exists() else ""
     if not text.startswith(before):
         raise StoreError(f"{path} holds nights that the new ledger lacks: a ledger only grows")

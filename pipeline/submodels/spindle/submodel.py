@@ -168,6 +168,8 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
             raw = files_of_day(files, day, zone)
             role = role_of(raw, settings.roles, sets, day)
             load = _loader(clean, day)
+            if role == "sealed" and not load()[TARGET].notna().any():
+                continue  # sealed by a file of something else that was recorded on that day
             conditions = {} if role == "sealed" else _conditions(load(), settings.spindle)
             cases.append(
                 Case(
