@@ -187,10 +187,8 @@ class _Sides:
         from pipeline.parameters import structure
         from pipeline.submodels.cases import Records
 
-        drive = f"data/models/{self.machine}/drive"
-        under = structure(self.values, "fleet", Fleet).drives_under.get(self.machine, drive)
+        under = structure(self.values, "fleet", Fleet).drives_under.get(self.machine)
         every = Records.of_machine(
-            self.root / DATA, self.machine, wear=own / "wear",
-            drive=own / "drive" if under == drive else self.root / under,
-        )  # fmt: skip
+            self.root / DATA, self.machine, own, None if under is None else self.root / under
+        )
         return Records(**{name: getattr(every, name) for name in reads})

@@ -4,14 +4,13 @@ It answers who served at a time, since when, by whom and why; git holds it.
 """
 
 import hashlib
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Literal
 
-from pipeline.schema.store import StoreError, content, parsed, unstructured, write_text
+from pipeline.schema.store import StoreError, json_line, read_lines, write_text
 
 Event = Literal["first", "promoted", "rolled back", "refused", "deleted"]
 SERVING = ("first", "promoted", "rolled back")
@@ -49,7 +48,7 @@ class Entry:
     @property
     def line(self) -> str:
         """The entry as one line of JSON."""
-        return json.dumps(unstructured(self), ensure_ascii=False, allow_nan=False)
+        return json_line(self)
 
     @property
     def sha256(self) -> str:
@@ -62,19 +61,15 @@ def read_history(path: Path) -> tuple[Entry, ...]:
 
     Raises StoreError where a line is none, or does not follow the one before.
     """
-    if not path.exists():
-        return ()
     remedy = f"restore it with `git checkout {path.as_posix()}`"
-    found: list[Entry] = []
-    for number, line in enumerate(content(path, remedy).splitlines(), start=1):
-        entry = parsed(line, Entry, f"{path}, line {number}", remedy)
-        if not follows(entry, found):
+    found = read_lines(path, Entry, remedy)
+    for number, entry in enumerate(found):
+        if not follows(entry, found[:number]):
             raise StoreError(
-                f"{path}, line {number} does not follow the line before, whose sha256 it does not "
-                f"name: {remedy}"
+                f"{path}, line {number + 1} does not follow the line before, whose sha256 it does "
+                f"not name: {remedy}"
             )
-        found.append(entry)
-    return tuple(found)
+    return found
 
 
 def write_history(entries: Iterable[Entry], path: Path) -> None:

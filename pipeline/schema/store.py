@@ -34,6 +34,20 @@ def json_text(document: Any) -> str:
     return json.dumps(unstructured(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
+def json_line(document: Any) -> str:
+    """A document as one line of a file that grows, without its end."""
+    return json.dumps(unstructured(document), allow_nan=False, ensure_ascii=False)
+
+
+def read_lines(path: Path, wanted: type[T], remedy: str) -> tuple[T, ...]:
+    """Documents of a file of JSON lines, none where there is no file; see :func:`read_json`."""
+    lines = content(path, remedy).splitlines() if path.exists() else []
+    return tuple(
+        parsed(line, wanted, f"{path}, line {number}", remedy)
+        for number, line in enumerate(lines, start=1)
+    )
+
+
 def write_json(document: Any, path: Path) -> None:
     """Store a dataclass, or a mapping or tuple of them."""
     write_text(json_text(document), path)
