@@ -96,8 +96,7 @@ def _submodels(machine: str) -> list[str]:
 def _cases(name: str, machine: str, values: dict[str, Any], sets: GoldenSets | None) -> Cases:
     """Cases of a sub-model; without any, and with the reason, where its records are refused."""
     one = submodel(name)
-    models = DATA / "models" / machine
-    records = Records.of_machine(DATA, machine, drive=models / "drive", wear=models / "wear")
+    records = Records.of_machine(DATA, machine, DATA / "models" / machine)
     try:
         return one.cases(records, judging_of(one, values, machine), sets)
     except ValueError as error:

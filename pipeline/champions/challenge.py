@@ -145,8 +145,7 @@ def _comparison(
     values, settings = params_of(root), promotion_settings(root)
     verdicts = [read_json(folders[1] / name / VERDICT, Verdict) for name in names]
     tests = sum(len(deciding(verdict)) for verdict in verdicts)
-    own_drive = f"data/models/{machine}/drive"
-    under = structure(values, "fleet", Fleet).drives_under.get(machine, own_drive)
+    under = structure(values, "fleet", Fleet).drives_under.get(machine)
 
     @cache
     def cases(name: str, records: Records) -> tuple[Cases, Files]:
@@ -156,9 +155,8 @@ def _comparison(
     def records(name: str, own: Path) -> Records:
         """Records that a sub-model reads; ``own`` is the folder of the models it builds on."""
         every = Records.of_machine(
-            root / DATA, machine, wear=own / "wear",
-            drive=own / "drive" if under == own_drive else root / under,
-        )  # fmt: skip
+            root / DATA, machine, own, None if under is None else root / under
+        )
         return Records(**{one: getattr(every, one) for one in submodel(name).reads})
 
     def met(look: Look) -> list[Contest]:

@@ -23,6 +23,7 @@ from pipeline.schema.bundle import BUNDLE, Bundle, model_hash
 from pipeline.schema.golden import Days, GoldenSets
 from pipeline.schema.history import Entry, read_history
 from pipeline.schema.ledger import Night, read_ledger
+from pipeline.schema.ledger import serving as of_serving
 from pipeline.schema.model import Model
 from pipeline.schema.program_cut import AS_WRITTEN, CutProgram
 from pipeline.schema.si import DAY
@@ -335,6 +336,7 @@ def machine_facts(folders: MachineFolders) -> MachineFacts:
     scores = [score for one in models if one.judged is not None for score in one.judged.scores]
     second = any(score.quantity.startswith("second_") for score in scores)
     programs, parts = simulated_programs(folders.programs, shelf), part_programs(folders, shelf)
+    serves = serving(folders, shelf, models)
     return MachineFacts(
         folders=folders,
         shelf=shelf,
@@ -346,20 +348,22 @@ def machine_facts(folders: MachineFolders) -> MachineFacts:
         parts=parts,
         written=written_programs(parts, programs, shelf),
         golden=golden,
-        serving=serving(folders, shelf, models),
+        serving=serves,
         truth=truth,
         day_uses=_day_uses(models, golden),
         absent=absent_items(folders, shelf),
         logged=logged_signals(folders),
-        nights=_nights(folders, shelf),
+        nights=_nights(folders, shelf, serves),
     )
 
 
-def _nights(folders: MachineFolders, shelf: SourceRegistry) -> tuple[Night, ...]:
-    if folders.ledger is None:
+def _nights(
+    folders: MachineFolders, shelf: SourceRegistry, serves: Serving | None
+) -> tuple[Night, ...]:
+    if folders.ledger is None or serves is None:
         return ()
     try:
-        return read_ledger(folders.ledger)
+        return of_serving(read_ledger(folders.ledger), serves.bundle)
     except StoreError as error:
         shelf.broken[shown(folders.ledger)] = str(error)
         return ()

@@ -87,7 +87,9 @@ def few_groups(between: float) -> list[float]:
 
 
 @pytest.mark.parametrize("between", [0.0, 0.5, 2.0])
-def test_few_groups_hold_90_percent_of_a_new_one_in_the_mean_or_a_little_more(between: float) -> None:
+def test_few_groups_hold_90_percent_of_a_new_one_in_the_mean_or_a_little_more(
+    between: float,
+) -> None:
     shares = few_groups(between)
     assert 0.88 - 2 * np.std(shares) / 300**0.5 <= np.mean(shares) <= 0.94
 
