@@ -15,8 +15,11 @@ ROOT = Path(__file__).parents[1]
 
 
 @contextmanager
-def cluster(folder: Path, workers: int = 2) -> Iterator[str]:
-    """The address of a scheduler whose workers run in ``folder``; tasks for processes go there."""
+def cluster(folder: Path, workers: int = 2, *, bare: bool = False) -> Iterator[str]:
+    """The address of a scheduler whose workers run in ``folder``; tasks for processes go there.
+
+    ``bare``: one worker by Dask's own command, without the variables of ``kerf worker``.
+    """
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -25,6 +28,9 @@ def cluster(folder: Path, workers: int = 2) -> Iterator[str]:
     scheduler = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1",
                  "--port", str(port), "--no-dashboard"]  # fmt: skip
     worker = [sys.executable, "-m", "pipeline.app", "worker", address, "--workers", str(workers)]
+    if bare:
+        workers = 1
+        worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--no-dashboard"]
     with (folder / "scheduler.log").open("w") as log, (folder / "worker.log").open("w") as own:
         started = [
             subprocess.Popen(scheduler, cwd=folder, env=around, stdout=log, stderr=log),

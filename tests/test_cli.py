@@ -36,6 +36,7 @@ from pipeline.optimisation.settings import Grouping
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden
 from pipeline.schema.model import SourceFile
 from pipeline.schema.part import Objective
+from pipeline.submodels.cases import Roles, role_of
 from pipeline.submodels.contract import submodel, submodels
 from tests import bundled_project
 from tests.fuzz.seeds import LOGS
@@ -506,6 +507,28 @@ def test_a_sealed_set_stands_beside_the_golden_one(ingested: Path) -> None:
     assert sets_of(ingested).sealed == sealed
 
 
+def test_days_of_one_log_may_be_golden_and_others_sealed(ingested: Path) -> None:
+    path = ingested / f"data/signals/{MACHINE}/manifest.json"
+    manifest = json.loads(path.read_text())
+    manifest["files"] = {"agent/long.txt": {"sha256": "0" * 64, "first": "2026-01-02T08:00:00Z",
+                                            "last": "2026-01-30T08:00:00Z"}}  # fmt: skip
+    path.write_text(json.dumps(manifest))
+    days = ("2026-01-05", "2026-01-06", "2026-01-12", "2026-01-30")
+    for day in days:
+        state = ingested / f"data/clean/{MACHINE}/state/{day}.parquet"
+        state.parent.mkdir(parents=True, exist_ok=True)
+        state.touch()
+    frozen(ingested, "--first", days[0], "--last", days[1])
+    frozen(ingested, "--sealed", "--first", days[2], "--last", days[2])
+    sets, log = sets_of(ingested), ["agent/long.txt"]
+    roles = [role_of(log, Roles(), sets, day) for day in days]
+    assert roles == ["golden", "golden", "sealed", "held_out"]
+    for words in (("--first", days[1], "--last", days[2]), ("--files", "agent/*")):
+        said = refused(ingested, "golden", "-m", MACHINE, "--sealed", *words)
+        assert f"{days[1] if '--first' in words else log[0]} is in the golden set" in said
+    assert sets_of(ingested) == sets
+
+
 def test_a_part_of_a_table_is_frozen_by_the_values_of_its_columns(ingested: Path) -> None:
     folder = ingested / f"data/signals/{MACHINE}"
     (folder / "traces").mkdir()
@@ -599,9 +622,9 @@ def test_without_files_it_shows_what_is_frozen_of_each_sub_model(project: Path) 
 @pytest.mark.parametrize(
     ("first", "last", "said"),
     [
-        ("monday", MONDAY, "'monday' is no day: write it as YYYY-MM-DD"),
+        ("monday", MONDAY, "the first day 'monday' is no day YYYY-MM-DD"),
         (MONDAY, "2026-02-30", "'2026-02-30' is no day"),
-        ("2026-01-06", MONDAY, f"--first 2026-01-06 lies after --last {MONDAY}"),
+        ("2026-01-06", MONDAY, f"the last day {MONDAY} is before the first, 2026-01-06"),
         ("2025-01-06", "2025-01-07", f"{MACHINE} has no record from 2025-01-06 to 2025-01-07"),
         (MONDAY, MONDAY, "manifest.json does not exist: run `dvc repro ingest@mill01` first"),
     ],

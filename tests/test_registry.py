@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import socket
 import sqlite3
 import subprocess
 import sys
@@ -16,19 +17,22 @@ from unittest import mock
 import pandas as pd
 import pytest
 
-from pipeline.champions.promotion import decision_path, events, promote, rollback, settle
+from pipeline.champions.promotion import events, judged, promote, rollback, settle
 from pipeline.champions.serving import (
     champion_of,
     first_champion,
     first_serving,
     history_of,
+    history_path,
     made_with,
     status,
 )
+from pipeline.registry import store
 from pipeline.registry.loading import load, place_of
 from pipeline.registry.provenance import CHAMPIONS, hash_of_files, requirements, training_files
 from pipeline.registry.runs import model_card
-from pipeline.registry.store import Version, client_of, model_name, versions
+from pipeline.registry.sqlite import Note, Version, write_note
+from pipeline.registry.store import client_of, model_name, versions
 from pipeline.schema.bundle import (
     Bundle,
     BundledModel,
@@ -38,6 +42,7 @@ from pipeline.schema.bundle import (
     write_champions,
 )
 from pipeline.schema.decision import Decision
+from pipeline.schema.history import document_of
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Status, Verdict
 from pipeline.submodels.contract import submodel, submodels
@@ -455,10 +460,10 @@ def test_a_bundle_that_is_not_the_registered_one_is_refused(
 
 def test_artifacts_left_behind_are_named(root: Path) -> None:
     shutil.rmtree(root / "mlartifacts")
-    with sqlite3.connect(root / "mlflow.db") as store:  # where it was registered is gone too
+    with sqlite3.connect(root / "mlflow.db") as database:  # where it was registered is gone too
         for table, column in (("model_versions", "storage_location"), ("model_versions", "source"),
                               ("logged_models", "artifact_location")):  # fmt: skip
-            store.execute(f"UPDATE {table} SET {column} = replace({column}, '/made', '/gone')")
+            database.execute(f"UPDATE {table} SET {column} = replace({column}, '/made', '/gone')")
     with pytest.raises(ValueError, match=r"bring mlartifacts along with mlflow\.db"):
         load(MACHINE, root=root)
 
@@ -480,7 +485,10 @@ def test_a_better_challenger_is_promoted_and_the_champion_can_come_back(root: Pa
     newest = bundle_of(root / MODELS, MACHINE, ["spindle"])
     assert (now.version, now.bundle, now.by, now.why) == (2, newest.sha256, "Kim", "warmer oil")
     assert (now.since, now.serving) == ("2026-03-01T12:00:00Z", ("spindle",))
-    assert read_champions(root / CHAMPIONS) == Champions(machines={MACHINE: now, "mill09": first})
+    last = history_of(MACHINE, root)[-1].sha256
+    assert read_champions(root / CHAMPIONS) == Champions(
+        machines={MACHINE: now, "mill09": first}, histories={MACHINE: last}
+    )
     assert aliases(root) == {"previous": 1, "champion": 2}
     assert read_json(root / CHAMPION / "bundle.json", Bundle) == newest
     with pytest.raises(ValueError, match=f"{MACHINE} has no challenger: run `dvc repro`"):
@@ -520,7 +528,11 @@ def test_the_commands_show_the_challenger_and_promote_it(root: Path) -> None:
     again = refused(root, "promote", "-m", MACHINE, "--why", "once more")
     assert f"{MACHINE} has no challenger: run `dvc repro`" in again
     done = kerf(root, "rollback", "-m", MACHINE, "--why", "back")
-    assert done.stdout.startswith(f"{MACHINE}: version 1 is champion")
+    assert done.stdout.startswith(
+        f"{MACHINE}: version 1 is champion again, in the place of version 2; git add"
+    )
+    once_more = refused(root, "rollback", "-m", MACHINE, "--why", "back")
+    assert f"no version served {MACHINE} before version 1; for --to there are 2" in once_more
     rows = rows_of(kerf(root, "history", "-m", MACHINE))
     assert [row["event"] for row in rows] == ["first", "promoted", "rolled back"]
     (none,) = rows_of(kerf(root, "history", "-m", MACHINE, "--at", "1999-12-31"))
@@ -531,17 +543,13 @@ def test_the_commands_show_the_challenger_and_promote_it(root: Path) -> None:
 def test_a_promotion_that_breaks_off_is_brought_to_its_end_by_the_next_command(
     root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from mlflow import MlflowClient
-
-    really = MlflowClient.set_registered_model_alias
-
-    def breaks_off(self: MlflowClient, name: str, alias: str, version: str) -> None:
-        if alias == "champion":
+    def breaks_off(changes: Note, name: str, database: Path) -> bool:
+        if "champion" in changes.aliases:
             raise OSError("the disk is full")
-        really(self, name, alias, version)
+        return write_note(changes, name, database)
 
     with monkeypatch.context() as patch:
-        patch.setattr(MlflowClient, "set_registered_model_alias", breaks_off)
+        patch.setattr(store, "write_note", breaks_off)
         with pytest.raises(OSError, match="disk"):
             promote(MACHINE, root, why="better")
     assert aliases(root)["champion"] == 1
@@ -550,6 +558,86 @@ def test_a_promotion_that_breaks_off_is_brought_to_its_end_by_the_next_command(
     champion = read_champions(root / CHAMPIONS).machines[MACHINE]
     assert champion == champion_of(MACHINE, root)
     assert read_json(root / CHAMPION / "bundle.json", Bundle).sha256 == champion.bundle
+
+
+def test_what_is_noted_without_mlflow_is_what_mlflow_notes(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = shutil.copytree(root, tmp_path / "other")
+    now = NOON.timestamp()
+    changes = Note(
+        aliases={"champion": 2, "challenger": None, "reference": 1}, version=2,
+        tags={"status": "failed", "gate": "may serve"}, description="new", card="card",
+        run=versions(MACHINE, root)[1].run, metrics={"gate/may serve": 1.0, "gate/better": 0.0},
+        files={"gate/decision.json": "{}"},
+    )  # fmt: skip
+    store.note(MACHINE, root, changes)
+    assert not (root / "mlflow.db-journal").exists()
+    monkeypatch.setattr(store, "write_note", lambda *_: False)  # as for tables of another release
+    store.note(MACHINE, other, changes)
+    seen = []
+    for place in (root, other):
+        client = client_of(place)
+        run = client.get_run(changes.run)
+        model = client.get_registered_model(model_name(MACHINE))
+        assert model.last_updated_timestamp > now and model.description == "card"
+        seen.append((versions(MACHINE, place), run.data.metrics, model.aliases,
+                     client.get_metric_history(changes.run, "gate/better")[0].value))  # fmt: skip
+    assert seen[0] == seen[1]
+    assert aliases(root) == {"champion": 2, "reference": 1}
+    files = [place / "mlartifacts" for place in (root, made_in(changes.run, other))]
+    assert [len(list(one.rglob("gate/decision.json"))) for one in files] == [1, 1]
+
+
+def made_in(run: str, root: Path) -> Path:
+    """The project in which a run was made, to which MLflow writes, also from a copy of it."""
+    return Path(client_of(root).get_run(run).info.artifact_uri.partition("/mlartifacts")[0][7:])
+
+
+def test_promotion_and_rollback_do_without_mlflow_and_its_seconds(root: Path) -> None:
+    """In a process of its own: this one has imported MLflow."""
+    code = (
+        "import sys; from pathlib import Path; "
+        "from pipeline.champions.promotion import promote, rollback; "
+        f"promote('{MACHINE}', Path(), why='x'); rollback('{MACHINE}', Path(), why='y'); "
+        f"promote('{MACHINE}', Path(), why='z', to=2); assert 'mlflow' not in sys.modules"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=False,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    assert answer.returncode == 0, answer.stderr
+    assert aliases(root) == {"previous": 1, "champion": 2}
+
+
+def test_a_bundle_is_hashed_once_for_the_same_files(root: Path) -> None:
+    folder = root / MODELS
+    bundle = bundle_of(folder, MACHINE, ["spindle"])
+    with mock.patch("pipeline.schema.bundle.model_hash", side_effect=AssertionError):
+        assert bundle_of(folder, MACHINE, ["spindle"]) == bundle
+    spoil(folder)
+    assert bundle_of(folder, MACHINE, ["spindle"]) != bundle
+
+
+def test_a_server_that_is_down_keeps_nobody_from_reading(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (root / "conf").mkdir()
+    (root / "conf/machine").symlink_to(ROOT / "conf/machine")
+    promote(MACHINE, root, why="two kelvin better", by="Kim")
+    before = files_of(root)
+    with socket.create_server(("127.0.0.1", 0)) as door:  # then closed: nobody listens there
+        address = f"http://127.0.0.1:{door.getsockname()[1]}"
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", address)
+    done = kerf(root, "history", "-m", MACHINE)
+    sentence = f"kerf: the registry {address} does not answer (Connection refused): the files"
+    assert done.stderr.startswith(sentence) and done.stderr.count("\n") == 1
+    assert [row["event"] for row in rows_of(done)] == ["first", "promoted"]
+    done = kerf(root, "status")
+    (row,) = rows_of(done)
+    assert row["serving"].startswith("version 2 since 20") and row["champion"] == "passed"
+    assert done.stderr.startswith(sentence) and done.stderr.count("\n") == 1
+    assert files_of(root) == before
 
 
 def test_one_that_failed_is_refused_and_serves_only_anyway(root: Path) -> None:
@@ -562,8 +650,24 @@ def test_one_that_failed_is_refused_and_serves_only_anyway(root: Path) -> None:
     last = history_of(MACHINE, root)[-1]
     assert last.anyway and last.rules.startswith("rule 'no new failure' is broken")
     assert now.serving == ("spindle",)
+    assert now.why == f"no other; anyway: {last.rules}"  # in champions.json, and a tag of MLflow
     (row,) = status(MACHINE, ("spindle",), root)
     assert (row["champion"], row["challenger"]) == ("failed", "-")
+
+
+def test_the_command_says_which_rules_it_overrides(root: Path) -> None:
+    (root / "conf").mkdir()
+    (root / "conf/machine").symlink_to(ROOT / "conf/machine")
+    spindle(root, error_K=4.0)
+    words = ("promote", "-m", MACHINE, "--anyway")
+    look = kerf(root, *words, "--dry-run")
+    assert look.exit_code == 0 and "may not serve by the rules, and would with" in look.stdout
+    done = kerf(root, *words, "--why", "a test of the alarm")
+    first, second = done.stdout.splitlines()
+    assert first.startswith(f"{MACHINE}: against the rules: rule 'no new failure' is broken: its ")
+    assert "rule 'not worse' is broken: worse: spindle" in first
+    assert " K against the champion's " in first and "version 3 is champion" in second
+    assert "anyway: rule 'no new failure' is broken" in kerf(root, "history").stdout
 
 
 def test_each_look_at_the_sealed_set_is_counted(root: Path) -> None:
@@ -574,7 +678,7 @@ def test_each_look_at_the_sealed_set_is_counted(root: Path) -> None:
     promote(MACHINE, root, why="better")
     (look,) = [e for e in events(MACHINE, root) if e.sealed]
     assert look.event == "promoted" and len(look.sealed) == 64
-    decision = read_json(decision_path(look, root), Decision)
+    decision = read_json(document_of(history_path(MACHINE, root), look), Decision)
     rule = decision.rules[-1]
     assert (rule.name, rule.result) == ("sealed", "kept")
     assert {one.groups for one in rule.figures} == {1}
@@ -598,6 +702,8 @@ def test_a_first_champion_serves_until_somebody_chooses(root: Path) -> None:
     assert first is not None
     with pytest.raises(ValueError, match="has no version 7"):
         promote(MACHINE, root, why="x", to=7)
+    look = judged(MACHINE, root, to=1)  # says what the promotion does
+    assert look.may_serve and "nobody had chosen" in look.rules[0].sentence
     chosen = promote(MACHINE, root, why="it is good", to=1)  # which git holds from now on
     assert (chosen.bundle, chosen.why) == (first.bundle, "it is good")
     assert [e.event for e in history_of(MACHINE, root)] == ["first", "promoted"]

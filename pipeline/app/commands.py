@@ -121,7 +121,7 @@ def verify(
         to.json([asdict(one) for one in found], json)
         for line in said(found):
             to.say(line)
-    if any(one.mismatches for one in found):
+    if any(one.failed for one in found):
         raise typer.Exit(1)
 
 
@@ -206,7 +206,7 @@ def golden(
 
     Without days and files it shows what is frozen, by sub-model.
     """
-    from pipeline.app.frozen_cases import frozen_cases, frozen_head, frozen_lines, split_sets
+    from pipeline.app.frozen_cases import frozen_cases, frozen_text, split_sets
     from pipeline.app.golden_sets import freeze_set, learnt_and_frozen
 
     def asked(question: str) -> bool:
@@ -221,8 +221,7 @@ def golden(
         if not (first or last or files or sealed):
             found = frozen_cases(machine)
             to.json(found, json)
-            to.say(frozen_head(found))
-            for line in aligned(frozen_lines(found), words=6):
+            for line in frozen_text(found):
                 to.say(line)
             return
         frozen = freeze_set(

@@ -308,9 +308,12 @@ def fleet_status() -> list[dict[str, str]]:
     """Rows of every machine of the fleet: its sub-models, their verdicts, what serves."""
     from pipeline.champions.promotion import settle
     from pipeline.champions.serving import status
+    from pipeline.registry.store import offline
 
     fleet = active_fleet()
-    for name in fleet.machines:
+    if said := offline():
+        LOG.warning("%s: the files of this project are shown", said)
+    for name in () if said else fleet.machines:
         settle(name)
     return [row for name in fleet.machines for row in status(name, fleet.submodels_of(name))]
 

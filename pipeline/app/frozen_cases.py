@@ -1,13 +1,13 @@
 """Cases of each sub-model of a machine in its frozen sets, and what is too little to freeze."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from glob import escape
 from typing import Any
 
 from pipeline.app.fleet import CONF, DATA, machine_parameters
 from pipeline.app.golden_sets import freeze_set
-from pipeline.app.output import many
+from pipeline.app.output import NONE, aligned, many
 from pipeline.champions.serving import history_of
 from pipeline.fleet import Fleet
 from pipeline.parameters import read_yaml, section_path, structure
@@ -21,22 +21,9 @@ from pipeline.submodels.contract import judging_of, submodel
 
 SEALED_OF = 4
 """Groups that nothing learns from of which one is sealed [1]."""
-ROLES: tuple[Role, ...] = ("golden", "sealed", "held_out", "training")
-"""Roles in the order in which their cases are counted."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FrozenCases:
-    """Cases of a sub-model by role, and why fewer are frozen than its two sets need."""
-
-    submodel: str
-    golden: int = 0
-    sealed: int = 0
-    held_out: int = 0
-    training: int = 0
-    """Cases of each role."""
-    lacking: str = ""
-    """Why the sub-model has no golden or no sealed case; empty where it has both."""
+FROZEN: tuple[Role, ...] = ("golden", "sealed")
+ROLES: tuple[Role, ...] = (*FROZEN, "held_out", "training")
+"""Roles in the order in which their cases are counted, those of the sets first."""
 
 
 def frozen_cases(machine: str) -> dict[str, Any]:
@@ -54,43 +41,47 @@ def frozen_cases(machine: str) -> dict[str, Any]:
         "sealed": _summary(known.sealed),
         "looks": len(looks),
         "submodels": [
-            asdict(_counted(name, _cases(name, machine, values, sets)))
-            for name in _submodels(machine)
+            _counted(name, _cases(name, machine, values, sets)) for name in _submodels(machine)
         ],
     }
 
 
-def frozen_lines(found: dict[str, Any]) -> list[list[str]]:
-    """Rows of the table of :func:`frozen_cases`, its head first."""
-    heads = ["sub-model", *(role.replace("_", " ") for role in ROLES), "not frozen"]
-    return [
-        heads,
-        *(
-            [one["submodel"], *(str(one[role]) for role in ROLES), one["lacking"] or "-"]
-            for one in found["submodels"]
-        ),
-    ]
-
-
-def frozen_head(found: dict[str, Any]) -> str:
-    """Sentence on the two sets of :func:`frozen_cases`."""
+def frozen_text(found: dict[str, Any]) -> Iterator[str]:
+    """Lines on :func:`frozen_cases`: both sets, a table of its cases by role, and their names."""
     said = [
-        f"{name} set {many(found[name]['files'], 'file')}, sha256 {found[name]['sha256'][:12]}"
+        f"{name} set {many(len(found[name]['files']), 'file')}, sha256 {found[name]['sha256'][:12]}"
         if found[name] else f"no {name} set"
-        for name in ("golden", "sealed")
+        for name in FROZEN
     ]  # fmt: skip
     looked = f", {many(found['looks'], 'look')}" if found["sealed"] else ""
-    return f"{found['machine']}: {'; '.join(said)}{looked}"
+    yield f"{found['machine']}: {'; '.join(said)}{looked}"
+    heads = ["sub-model", *(role.replace("_", " ") for role in ROLES), "not frozen"]
+    rows = [[one["submodel"], *(str(one[role]) for role in ROLES), one["lacking"] or NONE]
+            for one in found["submodels"]]  # fmt: skip
+    yield from aligned([heads, *rows], words=len(heads))
+    for name in FROZEN:
+        if found[name]:
+            days = found[name]["days"]
+            first = [f"days {days['first']} to {days['last']}"] if days else []
+            yield f"{name} set: {', '.join(first + [f['file'] for f in found[name]['files']])}"
+        for one in found["submodels"]:
+            if one["frozen"][name]:
+                yield f"{one['submodel']}, {name} cases: {', '.join(one['frozen'][name])}"
 
 
-def _counted(name: str, cases: Cases) -> FrozenCases:
-    counts = {role: len(cases.of(role)) for role in ROLES}
+def _counted(name: str, cases: Cases) -> dict[str, Any]:
+    """Cases of a sub-model by role, names of the frozen ones, and why a set has none."""
     refused = "" if cases.cases or not cases.left_out else f"no case: {cases.left_out[0].reason}"
-    return FrozenCases(submodel=name, **counts, lacking=refused or lacking(cases))
+    return {
+        "submodel": name,
+        **{role: len(cases.of(role)) for role in ROLES},
+        "frozen": {role: [case.name for case in cases.of(role)] for role in FROZEN},
+        "lacking": refused or lacking(cases),
+    }
 
 
 def _summary(frozen: FrozenSet | None) -> dict[str, Any] | None:
-    return None if frozen is None else {"files": len(frozen.files), "sha256": frozen.sha256}
+    return None if frozen is None else asdict(frozen) | {"sha256": frozen.sha256}
 
 
 def _submodels(machine: str) -> list[str]:
@@ -105,8 +96,7 @@ def _submodels(machine: str) -> list[str]:
 def _cases(name: str, machine: str, values: dict[str, Any], sets: GoldenSets | None) -> Cases:
     """Cases of a sub-model; without any, and with the reason, where its records are refused."""
     one = submodel(name)
-    models = DATA / "models" / machine
-    records = Records.of_machine(DATA, machine, drive=models / "drive", wear=models / "wear")
+    records = Records.of_machine(DATA, machine, DATA / "models" / machine)
     try:
         return one.cases(records, judging_of(one, values, machine), sets)
     except ValueError as error:

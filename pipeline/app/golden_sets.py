@@ -1,7 +1,6 @@
 """Golden and sealed sets on the command line: files that are frozen, and what may replace them."""
 
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import date
 from fnmatch import fnmatchcase
@@ -35,10 +34,9 @@ def freeze_set(
     manifest = DATA / "signals" / machine / "manifest.json"
     if not manifest.exists():
         raise ValueError(f"{manifest} does not exist: run `dvc repro ingest@{machine}` first")
-    known = _document(manifest)["files"]
-    from pipeline.signals.conditions import share_rows
-    from pipeline.submodels.cases import files_of_days, sources
+    from pipeline.submodels.cases import Records, files_of_days, sources
 
+    known = Records(manifest=manifest).files
     there = _days_there(machine, known, zone)
     names: set[str] = set()
     if days is not None:
@@ -64,24 +62,40 @@ def freeze_set(
         raise ValueError("name what to freeze: --first and --last of a week, or --files")
     path = DATA / "golden" / f"{machine}.json"
     sets = read_golden(path) or GoldenSets(machine=machine)
-    other = sets.golden if sealed else sets.sealed
-    taken = [one.file for one in (other.files if other else ())]
-    both = sorted(name for name in names if any(share_rows(name, one) for one in taken))
-    if both:
-        raise ValueError(
-            f"{both[0]} is in the {'golden' if sealed else 'sealed'} set of {machine} already: a "
-            "file is in one of them"
-        )
     frozen = FrozenSet(
         files=sources(known, sorted(names)), days=days, time_zone=zone, whole=tuple(sorted(clocked))
     )
+    other = sets.golden if sealed else sets.sealed
+    if other is not None and (both := _shared(frozen, other, known)):
+        raise ValueError(
+            f"{both} is in the {'golden' if sealed else 'sealed'} set of {machine} already: a "
+            "file, or a day of a log, is in one of them"
+        )
     _ask_before(machine, sets.sealed if sealed else sets.golden, frozen, path, again)
     changed = replace(sets, sealed=frozen) if sealed else replace(sets, golden=frozen)
     write_golden(changed, path)
     return frozen
 
 
-def _fitting(machine: str, known: dict[str, Any], pattern: str) -> set[str]:
+def _shared(one: FrozenSet, other: FrozenSet, known: Mapping[str, Mapping[str, Any]]) -> str:
+    """First day or file that two sets share, empty where none; a log may have days in both."""
+    from pipeline.signals.conditions import share_rows
+
+    days = (one.days, other.days)
+    if days[0] and days[1]:
+        day = max(days[0].first, days[1].first)
+        if day in days[0] and day in days[1]:
+            return day
+
+    def by_days(name: str) -> bool:
+        parted = all(days) and bool(known.get(name, {}).get("last"))
+        return parted and name not in (*one.whole, *other.whole)
+
+    return next((a.file for a in one.files for b in other.files
+                 if share_rows(a.file, b.file) and not by_days(a.file)), "")  # fmt: skip
+
+
+def _fitting(machine: str, known: Mapping[str, Mapping[str, Any]], pattern: str) -> set[str]:
     """Raw files that fit a pattern, or the parts of tables that it names by their columns."""
     from pipeline.signals.conditions import parts_of, selection
 
@@ -113,7 +127,7 @@ def _ask_before(
         raise ValueError(f"{said}: it stays; give --again to freeze another set in its place")
 
 
-def _days_there(machine: str, known: dict[str, Any], zone: str) -> list[str]:
+def _days_there(machine: str, known: Mapping[str, Mapping[str, Any]], zone: str) -> list[str]:
     """Days of the plant with records: of the clean tables, without any those on which files end."""
     from pipeline.signals.windows import state_days
 
@@ -156,22 +170,4 @@ def _days(first: str | None, last: str | None) -> Days | None:
         return None
     if first is None or last is None:
         raise ValueError("--first and --last go together: name both days, or none")
-    days = [_day(day) for day in (first, last)]
-    if days[0] > days[1]:
-        raise ValueError(f"--first {first} lies after --last {last}: name the earlier day first")
-    return Days(first=days[0], last=days[1])
-
-
-def _day(text: str) -> str:
-    try:
-        return date.fromisoformat(text).isoformat()
-    except ValueError as error:
-        raise ValueError(f"{text!r} is no day: write it as YYYY-MM-DD") from error
-
-
-def _document(path: Path) -> dict[str, Any]:
-    try:
-        found: dict[str, Any] = json.loads(path.read_text())
-    except ValueError as error:
-        raise ValueError(f"{path} is no JSON ({error}): run `dvc repro` to write it") from error
-    return found
+    return Days(first=first, last=last)

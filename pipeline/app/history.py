@@ -4,7 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pipeline.app.fleet import active_fleet, check_machine
+from pipeline.app.output import LOG
 from pipeline.champions.promotion import events
+from pipeline.registry.store import offline
 from pipeline.schema.history import Entry, instant, looks, served_until, serving_at, stamp
 
 
@@ -15,6 +17,8 @@ def history_rows(machine: str | None, at: str | None, root: Path = Path()) -> li
     """
     if machine is not None:
         check_machine(machine)
+    if said := offline():
+        LOG.warning("%s: the files of this project are shown", said)
     moment = None if at is None else stamp(instant(at))
     found = []
     for name in [machine] if machine else active_fleet().machines:
@@ -29,9 +33,7 @@ def history_rows(machine: str | None, at: str | None, root: Path = Path()) -> li
 
 def _row(machine: str, entry: Entry, entries: Sequence[Entry]) -> dict[str, str]:
     until = served_until(entries, entry)
-    marks = [entry.why]
-    if entry.rules:
-        marks.append(f"anyway: {entry.rules}" if entry.anyway else entry.rules)
+    marks = [entry.reason]
     if entry.sealed:
         marks.append(f"look {looks(entries, entry)} at the sealed set")
     return {

@@ -11,7 +11,6 @@ from pipeline.app.kerf import app, one_sentence
 from pipeline.app.output import aligned, outputs
 
 if TYPE_CHECKING:
-    from pipeline.schema.bundle import Champion
     from pipeline.schema.decision import Decision
 
 Why = Annotated[str, typer.Option(help="The reason, for the machine's history.")]
@@ -21,7 +20,7 @@ COMMIT = "git add champions.json data/history, and commit them"
 @app.command(rich_help_panel=kerf.MODELS)
 def promote(
     machine: kerf.Machine,
-    why: Annotated[str, typer.Option(help="The reason, for the machine's history.")] = "",
+    why: Why = "",
     to: Annotated[
         int | None, typer.Option(help="This registered version, not the newest bundle.")
     ] = None,
@@ -37,31 +36,32 @@ def promote(
     from pipeline.app.fleet import check_machine
     from pipeline.champions.promotion import judged
     from pipeline.champions.promotion import promote as promote_bundle
+    from pipeline.champions.serving import history_of
 
     with one_sentence(), outputs() as written:
         written.ready(json)
         check_machine(machine)
         if dry_run:
-            decision = judged(machine, to=to)
+            decision = judged(machine, to=to, anyway=anyway)
             written.json(asdict(decision), json)
             for line in _decided(decision):
                 written.say(line)
         else:
             champion = promote_bundle(machine, why=why, to=to, anyway=anyway)
             written.json({"machine": machine} | asdict(champion), json)
-            written.say(_serves(machine, champion))
-    if dry_run and not decision.may_serve:
+            last = history_of(machine)[-1]
+            if last.anyway:
+                written.say(f"{machine}: against the rules: {last.rules}")
+            written.say(f"{machine}: version {champion.version} is champion; {COMMIT}")
+    if dry_run and not decision.promoted:
         raise typer.Exit(1)
-
-
-def _serves(machine: str, champion: "Champion") -> str:
-    return f"{machine}: version {champion.version} is champion; {COMMIT}"
 
 
 def _decided(decision: "Decision") -> Iterator[str]:
     rows = [(one.name, one.result, one.sentence or "-") for one in decision.rules]
     yield from aligned([("rule", "result", "why"), *rows], words=3)
     may = "may serve" if decision.may_serve else "may not serve"
+    may += " by the rules, and would with --anyway," if decision.overridden else ""
     yield (
         f"version {decision.challenger.version} of {decision.machine} {may} in the place of "
         f"version {decision.champion.version} ({decision.origin} records); nothing was changed"
@@ -80,16 +80,20 @@ def rollback(
     ] = False,
     json: kerf.Json = None,
 ) -> None:
-    """Make the version that served MACHINE before its champion again."""
+    """Make the version that served MACHINE before its champion again; again, one further back."""
     from pipeline.app.fleet import check_machine
     from pipeline.champions.promotion import rollback as roll_back
+    from pipeline.champions.serving import history_of
+    from pipeline.schema.history import served
 
     with one_sentence(), outputs() as written:
         written.ready(json)
         check_machine(machine)
         champion = roll_back(machine, why=why, to=to, force=force)
         written.json({"machine": machine} | asdict(champion), json)
-        written.say(_serves(machine, champion))
+        left = served(history_of(machine))[-2].version
+        written.say(f"{machine}: version {champion.version} is champion again, in the place of "
+                    f"version {left}; {COMMIT}")  # fmt: skip
 
 
 @app.command(rich_help_panel=kerf.MODELS)

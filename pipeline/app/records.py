@@ -291,5 +291,5 @@ def next_lines(found: Mapping[str, Sequence[NextRecording]]) -> Iterator[str]:
             yield f"{name}: no record would tell more, or none was judged: run `dvc repro`"
             continue
         one = some[0]
-        yield f"{name}: {one.record}"
-        yield f"    {one.minutes:g} min; {gain_words(one)}"
+        yield f"{name}: {one.proposal}"
+        yield f"    {f'{one.minutes:g} min; ' if one.minutes else ''}{gain_words(one)}"

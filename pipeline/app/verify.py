@@ -1,40 +1,33 @@
 """Verification of pages: inputs by their hashes, figures computed again (`kerf verify`).
 
-A page of the report is rendered again from the files that it names, that of a command by the same
+A page is made again elsewhere, one of the report by the report, that of a command by the same
 command; each text and each line of a drawing is held against the page.  The errors of a sub-model
 are computed again from its predictions besides.
 """
 
 import re
+import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import partial
 from hashlib import sha256
-from html.parser import HTMLParser
+from html import unescape
 from itertools import takewhile, zip_longest
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
-
-import numpy as np
 
 from pipeline.app.document_figures import document_figures
-from pipeline.app.fleet import DATA
+from pipeline.app.fleet import write_report
 from pipeline.charts.sources import shown as as_named
-from pipeline.fleet import Fleet
-from pipeline.parameters import HASHES, SETTINGS, read_params, section_path, structure
+from pipeline.parameters import read_params, section_path, structure
 from pipeline.report.provenance import ALL, PageRecord, record_of
-from pipeline.report.texts import ReportSettings, texts
-from pipeline.schema.predictions import BASELINE, read_predictions
+from pipeline.schema.predictions import read_predictions
 from pipeline.schema.store import content, read_json
-from pipeline.schema.verdict import Score, Verdict
-from pipeline.stages.report import code_of_pages, info_of, machines_of
-from pipeline.submodels.contract import Target, sections, submodel, submodels
-
-if TYPE_CHECKING:
-    import pandas as pd
+from pipeline.schema.verdict import Verdict
+from pipeline.submodels.contract import sections, submodel, submodels
+from pipeline.submodels.judge import scores_of
 
 MOST = 5
 """Values of one figure that are named at most; the others are counted."""
@@ -42,22 +35,24 @@ OUTPUTS = ("--out", "--json", "--page", "--corrected")
 """Options of commands that name a file to write."""
 COMMANDS = ("simulate", "optimise", "transfer")
 """Commands that make pages; a record that names another is not followed."""
-ALL_GROUPS = "all"
-"""Group of a score over all groups of a role."""
+ERRORS = ("n", "mae", "rmse", "max", "bias")
 LAST_DIGIT = 1e-5
 """Relative difference of an error within the six digits that are stored."""
 TEXT = "text"
 """Figure of words that stand in none."""
+SHOWN = re.compile(
+    r'\bid="(?P<id>[^"]*)"|</(?P<end>table|figure|dl)>|="(?P<value>[^"]*)"|>(?P<words>[^<]+)'
+)
+"""What a page shows: identifiers and ends of its figures, attributes and words."""
 REMEDY = "build the page again, `dvc repro report` or its command"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mismatch:
-    """A figure that is not what its inputs give, or an input that is not what it was."""
+    """A figure that is not what its inputs give."""
 
-    page: str
     figure: str
-    """Identifier of the figure, ``text`` of words outside, or ``input``."""
+    """Identifier of the figure, or ``text`` of words outside."""
     shown: str
     recomputed: str
     file: str
@@ -71,23 +66,33 @@ class Verified:
     page: str
     inputs: int
     figures: int
-    mismatches: tuple[Mismatch, ...]
+    """Figures that were compared, of ``shown`` ones."""
+    shown: int
+    changed: tuple[Mismatch, ...] = ()
+    """Inputs that are not what they were, by the beginnings of their hashes."""
+    mismatches: tuple[Mismatch, ...] = ()
     note: str = ""
+
+    @property
+    def failed(self) -> bool:
+        """Whether an input or a figure differs."""
+        return bool(self.changed or self.mismatches)
 
 
 def verify_all(paths: Iterable[Path], sample: int | None = None) -> list[Verified]:
     """Verify pages and Markdown documents; those of a folder are its Markdown files."""
-    found, reports = [], cache(_report)
-    for path in paths:
-        if path.is_dir():
-            documents = sorted(path.rglob("*.md"))
-            if not documents:
-                raise ValueError(f"{path} holds no Markdown: name pages, as {path}/*.html")
-            found += [verify_document(one) for one in documents]
-        elif path.suffix == ".md":
-            found.append(verify_document(path))
-        else:
-            found.append(verify_page(path, reports, sample))
+    found = []
+    with TemporaryDirectory() as place:
+        for path in paths:
+            if path.is_dir():
+                documents = sorted(path.rglob("*.md"))
+                if not documents:
+                    raise ValueError(f"{path} holds no Markdown: name pages, as {path}/*.html")
+                found += [verify_document(one) for one in documents]
+            elif path.suffix == ".md":
+                found.append(verify_document(path))
+            else:
+                found.append(verify_page(path, Path(place), sample))
     return found
 
 
@@ -99,175 +104,128 @@ def verify_document(path: Path) -> Verified:
         raise ValueError(f"{path} is no Markdown in UTF-8 ({error}): name another file") from error
     figures = list(document_figures(text, Path(), str(path)))
     stale = tuple(
-        Mismatch(page=str(path), figure=f"line {one.line}", shown=one.shown,
-                 recomputed=one.recomputed, file=one.source)
+        Mismatch(figure=f"line {one.line}", shown=one.shown, recomputed=one.recomputed,
+                 file=one.source)
         for one in figures if one.shown != one.recomputed
     )  # fmt: skip
     files = {one.source.partition("#")[0] for one in figures}
-    return Verified(page=str(path), inputs=len(files), figures=len(figures), mismatches=stale)
+    many = len(figures)
+    return Verified(page=str(path), inputs=len(files), figures=many, shown=many, mismatches=stale)
 
 
-Reports = Callable[[Path], Mapping[str, str]]
-"""HTML of every page of the active fleet, by the folder of its last report."""
+def verify_page(page: Path, place: Path, sample: int | None = None) -> Verified:
+    """Verify one page, made again below ``place``.
 
-
-def verify_page(page: Path, reports: Reports, sample: int | None = None) -> Verified:
-    """Verify one page; ``sample`` is the number of figures that are compared, None for all."""
+    ``sample`` is the number of figures that are compared, another choice for each content of the
+    page; None for all.
+    """
     try:
         html = content(page, "name a page of the report or of a command").decode()
         record = read_json(record_of(page), PageRecord, REMEDY)
     except UnicodeDecodeError as error:
         raise ValueError(f"{page} is no page of Kerf ({error}): {REMEDY}") from error
-    changed, made = list(_changed_inputs(page, record)), record.made.code
+    changed, ids = tuple(_changed(record.files)), list(record.figures)
+    found = partial(
+        Verified, page=str(page), inputs=len(record.files), shown=len(ids), changed=changed
+    )
     try:
-        again, code = _again(page, record, reports)
+        again, code = _again(page, record, place)
     except ValueError as error:
         if not changed:
             raise
-        return Verified(page=str(page), inputs=len(record.files), figures=0,
-                        mismatches=tuple(changed), note=str(error))  # fmt: skip
-    figures = _sample([one.id for one in record.figures], html, sample)
-    found = [*changed, *_compared(page, record, html, again, None if sample is None else figures)]
-    folders = {name: _submodel_folder(record, name) for name in submodels()}
-    for name, folder in folders.items():
-        if folder is not None and not changed:
-            found += _scores_again(page, folder, name, sample)
+        return found(figures=0, note=str(error))
+    drawn = sorted(ids, key=lambda one: sha256(f"{one} {html}".encode()).digest())[:sample]
+    wrong = [*_compared(record, html, again, drawn if sample else [TEXT, *ids])]
+    if not changed:
+        wrong += _scores_again(record, sample)
+    made = record.made.code
     note = "" if code == made else f"made by code {made[:12]}, verified by {code[:12]}"
-    return Verified(
-        page=str(page), inputs=len(record.files), figures=len(figures), mismatches=tuple(found),
-        note=note,
-    )  # fmt: skip
+    return found(figures=len(drawn), mismatches=tuple(wrong), note=note)
 
 
-def _sample(ids: Sequence[str], html: str, most: int | None) -> list[str]:
-    """Some figures, another choice for each content of a page, the same for the same."""
-    drawn = sorted(ids, key=lambda one: sha256(f"{one} {html}".encode()).digest())
-    return drawn[:most]
-
-
-def _changed_inputs(page: Path, record: PageRecord) -> Iterator[Mismatch]:
-    for file, named in record.files.items():
+def _changed(files: Mapping[str, str]) -> Iterator[Mismatch]:
+    for file, named in files.items():
         path = Path(file)
         now = sha256(path.read_bytes()).hexdigest() if path.is_file() else "not there"
         if now != named:
-            yield Mismatch(page=str(page), figure="input", shown=named[:12], recomputed=now[:12],
-                           file=file)  # fmt: skip
+            yield Mismatch(figure="input", shown=named[:12], recomputed=now[:12], file=file)
 
 
 # ---- the page, made again
 
 
-def _again(page: Path, record: PageRecord, reports: Reports) -> tuple[str, str]:
-    """HTML of the page made again, and the hash of the code that made it."""
-    if record.made.command:
-        return _by_command(page, record.made.command)
-    pages = reports(page.parent)
-    if record.page not in pages:
-        raise ValueError(
-            f"{page} is no page of the fleet that is active here: make its fleet active with "
-            "`kerf fleet NAME`, or work in its project"
-        )
-    return pages[record.page], code_of_pages()
-
-
-def _report(reports: Path) -> Mapping[str, str]:
-    """HTML of every page of the active fleet, held against the same earlier report."""
-    from pipeline.report.pages import report_of
-
-    values = read_params()
-    fleet = structure(values, "fleet", Fleet)
-    names = ("signals", "clean", "models", "champion", "golden", "truth", "programs", "parts",
-             "trials", "history", "ledger")  # fmt: skip
-    folders = [DATA / name for name in names]
-    machines = machines_of([*folders, SETTINGS / HASHES], fleet)
-    language = structure(values, "pages", ReportSettings).language
-    info = info_of(fleet, structure(values, "budget", str))
-    report = report_of(machines, info, reports, say=texts(language))
-    return {name: one.html for name, one in report.pages.items()}
-
-
-def _by_command(page: Path, words: Sequence[str]) -> tuple[str, str]:
-    """HTML of a command's page by the same command, its files written elsewhere."""
-    if words[0] not in COMMANDS:
+def _again(page: Path, record: PageRecord, place: Path) -> tuple[str, str]:
+    """HTML of a page made again below ``place``, and the hash of the code that made it."""
+    words, moved = record.made.command, dict[Path, Path]()
+    if words and words[0] not in COMMANDS:
         raise ValueError(
             f"{record_of(page)} names `kerf {words[0]}`, which makes no page: {REMEDY}"
         )
-    call = [one for word in words
-            for one in (word.split("=", 1) if word.startswith(OUTPUTS) else (word,))]  # fmt: skip
-    with TemporaryDirectory() as place:
-        named = {k + 1: Path(call[k + 1]) for k, word in enumerate(call[:-1]) if word in OUTPUTS}
-        moved = {k: Path(place) / path.name for k, path in named.items()}
+    if words:
+        call = [
+            one for word in words
+            for one in (word.split("=", 1) if word.startswith(OUTPUTS) else (word,))
+        ]  # fmt: skip
+        named = {k: Path(call[k]) for k in range(1, len(call)) if call[k - 1] in OUTPUTS}
+        moved = {path: place / path.name for path in named.values()}
+        command = [str(moved[named[k]]) if k in named else word for k, word in enumerate(call)]
         done = subprocess.run(
-            [sys.executable, "-m", "pipeline.app", "-q",
-             *(str(moved.get(k, word)) for k, word in enumerate(call))],
+            [sys.executable, "-m", "pipeline.app", "-q", *command],
             capture_output=True, text=True, check=False,
         )  # fmt: skip
-        made = next(path for k, path in moved.items() if call[k - 1] == "--page")
-        if not made.is_file():
-            said = (done.stderr.strip().splitlines() or ["it wrote no page"])[-1]
-            raise ValueError(f"{page}: `kerf {' '.join(words)}` does not make it again: {said}")
-        html = made.read_text(encoding="utf-8")
-        for k, path in moved.items():
-            html = html.replace(as_named(path), as_named(named[k]))
-        return html, read_json(record_of(made), PageRecord).made.code
+        made = next(moved[path] for k, path in named.items() if call[k - 1] == "--page")
+        why = (done.stderr.strip().splitlines() or ["it wrote no page"])[-1]
+        why = f"`kerf {' '.join(words)}` does not make it again: {why}"
+    else:
+        made = _report_again(page.parent, place) / record.page
+        why = (
+            "it is no page of the fleet that is active here: make its fleet active with `kerf "
+            "fleet NAME`, or work in its project"
+        )
+    if not made.is_file():
+        raise ValueError(f"{page}: {why}")
+    html = made.read_text(encoding="utf-8")
+    for path, elsewhere in moved.items():
+        html = html.replace(as_named(elsewhere), as_named(path))
+        elsewhere.unlink(missing_ok=True)
+    return html, read_json(record_of(made), PageRecord).made.code
+
+
+def _report_again(reports: Path, place: Path) -> Path:
+    """Folder of the report made again, once, held against the same earlier report."""
+    out = place / sha256(str(reports).encode()).hexdigest()
+    if not out.exists():
+        out.mkdir()
+        if (earlier := reports / "report.json").is_file():
+            shutil.copy(earlier, out)
+        write_report(out)
+    return out
 
 
 # ---- what a page shows
 
 
-class _Shown(HTMLParser):
-    """Words and drawn lines of a page by the identifier of the figure or section around them."""
-
-    VOID = ("meta", "link", "br", "input", "img", "hr")
-
-    def __init__(self) -> None:
-        super().__init__(convert_charrefs=True)
-        self.open: list[tuple[str, str]] = []
-        self.found: dict[str, list[str]] = {}
-
-    def _note(self, words: str) -> None:
-        place = self.open[-1][1] if self.open else TEXT
-        self.found.setdefault(place, []).append(words)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        own, drawn = dict(attrs), any(one == "svg" for one, _ in self.open)
-        place = self.open[-1][1] if self.open else TEXT
-        if own.get("id") and not drawn:
-            place = own["id"] or ""
-        if tag not in self.VOID:
-            self.open.append((tag, place))
-        for name, value in attrs:
-            if value and (drawn or name in ("title", "href", "content", "aria-label")):
-                self._note(value)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.handle_starttag(tag, attrs)
-        if tag not in self.VOID:
-            self.open.pop()
-
-    def handle_endtag(self, tag: str) -> None:
-        while self.open and self.open.pop()[0] != tag:
-            pass
-
-    def handle_data(self, data: str) -> None:
-        if words := " ".join(data.split()):
-            self._note(words)
-
-
-def shown_by(html: str) -> dict[str, list[str]]:
-    """Words and drawn lines of a page by the figure or section that they stand in."""
-    reader = _Shown()
-    reader.feed(html)
-    return reader.found
+def shown_by(html: str, ids: Iterable[str]) -> dict[str, list[str]]:
+    """Words and attributes of a page by the figure of ``ids`` that they stand in."""
+    figures, place = set(ids), TEXT
+    found: dict[str, list[str]] = {}
+    for one in SHOWN.finditer(html):
+        if one["id"] in figures:
+            place = one["id"]
+        elif one["end"]:
+            place = TEXT
+        elif words := " ".join(unescape(one["words"] or one["value"] or "").split()):
+            found.setdefault(place, []).append(words)
+    return found
 
 
 def _compared(
-    page: Path, record: PageRecord, html: str, again: str, only: Iterable[str] | None
+    record: PageRecord, html: str, again: str, figures: Iterable[str]
 ) -> Iterator[Mismatch]:
-    """Each figure whose words or lines differ, with the first of them."""
-    shown, right = shown_by(html), shown_by(again)
-    files = {one.id: one.files for one in record.figures}
-    for figure in {**shown, **right} if only is None else only:
+    """Each of some figures whose words or lines differ, with the first of them."""
+    files = record.figures
+    shown, right = shown_by(html, files), shown_by(again, files)
+    for figure in figures:
         both = zip_longest(shown.get(figure, ()), right.get(figure, ()), fillvalue="nothing")
         pairs = [(was, now) for was, now in both if was != now]
         named = [one for one in files.get(figure, ()) if one != ALL] or list(record.files)
@@ -275,8 +233,7 @@ def _compared(
         more = f" (and {len(pairs) - MOST} more)" if len(pairs) > MOST else ""
         for was, now in pairs[:MOST]:
             one, other = _around(was, now)
-            yield Mismatch(page=str(page), figure=figure, shown=one, recomputed=other + more,
-                           file=file)  # fmt: skip
+            yield Mismatch(figure=figure, shown=one, recomputed=other + more, file=file)
 
 
 def _around(one: str, other: str, most: int = 60) -> tuple[str, str]:
@@ -291,77 +248,61 @@ def _around(one: str, other: str, most: int = 60) -> tuple[str, str]:
 # ---- errors of a sub-model, from its predictions
 
 
-def _submodel_folder(record: PageRecord, name: str) -> Path | None:
-    """Folder of a sub-model whose verdict and predictions a page of it rests on."""
-    if not re.fullmatch(rf".+_{name}\.html", record.page):
-        return None
-    found = [Path(one).parent for one in record.files if one.endswith(f"/{name}/verdict.json")]
-    return found[0] if found and (found[0] / "predictions.parquet").is_file() else None
-
-
-def _scores_again(page: Path, folder: Path, name: str, sample: int | None) -> Iterator[Mismatch]:
-    """Errors of the stored verdict that the stored predictions do not give."""
-    verdict = read_json(folder / "verdict.json", Verdict)
-    frame, one = read_predictions(folder / "predictions.parquet"), submodel(name)
-    values = read_params()
+def _scores_again(record: PageRecord, most: int | None) -> Iterator[Mismatch]:
+    """Errors of the verdict of a sub-model's page that its predictions do not give."""
+    name = next((one for one in submodels() if record.page.endswith(f"_{one}.html")), "")
+    verdicts = [Path(one) for one in record.files if one.endswith(f"/{name}/verdict.json")]
+    if not verdicts or not (predictions := verdicts[0].with_name("predictions.parquet")).is_file():
+        return
+    verdict, one, values = read_json(verdicts[0], Verdict), submodel(name), read_params()
     settings = one.judging(**{
         section: structure(values, section_path(values, section, verdict.machine), wanted)
         for section, wanted in sections(one.judging).items()
     })  # fmt: skip
-    model = read_json(folder / "model.json", one.model)
-    targets = {(t.quantity, t.regime): t for t in one.targets(settings, model)}
-    for score in verdict.scores[:sample]:
-        target = targets.get((score.quantity, score.regime))
-        rows = None if target is None else _rows_of(score, target, verdict, frame)
-        if rows is None or not len(rows):
-            continue
-        error = (rows["predicted"] - rows["measured"]).to_numpy(float)
-        again = {
-            "n": len(error), "mae": np.abs(error).mean(), "rmse": np.sqrt((error**2).mean()),
-            "max": np.abs(error).max(), "bias": error.mean(),
-        }  # fmt: skip
-        for key, now in again.items():
-            was = getattr(score, key)
-            if was is not None and abs(was - now) > LAST_DIGIT * max(abs(was), again["rmse"]):
-                regime = f", {score.regime}" if score.regime else ""
-                yield Mismatch(
-                    page=str(page), figure=f"{key} of {score.quantity}{regime}, {score.group}",
-                    shown=f"{was:.6g}", recomputed=f"{now:.6g}",
-                    file=(folder / "predictions.parquet").as_posix(),
-                )  # fmt: skip
-
-
-def _rows_of(
-    score: Score, target: Target, verdict: Verdict, frame: "pd.DataFrame"
-) -> "pd.DataFrame":
-    """Rows of a score: known, of its quantity, regime, role and group, with what it must beat."""
-    rows = frame[
-        (frame["quantity"] == score.quantity) & (frame["regime"] == score.regime)
-        & (frame["role"] == score.role) & frame["scored"]
-        & frame["measured"].notna() & frame["predicted"].notna()
-    ]  # fmt: skip
-    for name in target.must_beat:
-        if (column := f"{BASELINE}{name}") in rows:
-            known = rows[column].notna()
-            rows = rows[known | ~known.groupby(rows["case"]).transform("any")]
-    if score.group != ALL_GROUPS:
-        return rows[rows["group"] == score.group]
-    alone = [
-        one.group for one in verdict.scores if one.alone
-        and (one.quantity, one.regime, one.role) == (score.quantity, score.regime, score.role)
-    ]  # fmt: skip
-    return rows[~rows["group"].isin(alone)]
+    model, frame = (
+        read_json(verdicts[0].with_name("model.json"), one.model),
+        read_predictions(predictions),
+    )
+    beyond = {case.case for case in verdict.outside}
+    again = {
+        (score.quantity, score.regime, score.role, score.group): score
+        for target in one.targets(settings, model)
+        for score in scores_of(frame, target, verdict.judged_role or "held_out", beyond,
+                               len(model.trained_on))
+    }  # fmt: skip
+    for was in verdict.scores[:most]:
+        now = again.get((was.quantity, was.regime, was.role, was.group), was)
+        for key in ERRORS:
+            old, new = getattr(was, key), getattr(now, key)
+            if None in (old, new) or abs(old - new) <= LAST_DIGIT * max(abs(old), now.rmse or 0):
+                continue
+            regime = f", {was.regime}" if was.regime else ""
+            yield Mismatch(
+                figure=f"{key} of {was.quantity}{regime}, {was.group}", shown=f"{old:.6g}",
+                recomputed=f"{new:.6g}", file=predictions.as_posix(),
+            )  # fmt: skip
 
 
 def said(found: Iterable[Verified]) -> Iterator[str]:
-    """Lines of the command: each mismatch, then a line for each page."""
+    """Lines of the command: what differs, then a line for each page.
+
+    Of a page that is older than an input the figures are counted, since each may differ.
+    """
     for one in found:
-        for bad in one.mismatches:
-            if bad.figure == "input":
-                yield f"{bad.page}: input {bad.file} was {bad.shown}, is {bad.recomputed}"
-            else:
-                yield (f"{bad.page}: {bad.figure} shows {bad.shown!r}, recomputed "
-                       f"{bad.recomputed!r} from {bad.file}")  # fmt: skip
-        result = f"{len(one.mismatches)} mismatches" if one.mismatches else "as shown"
+        bad = len(one.mismatches)
+        if one.changed:
+            first = one.changed[0]
+            more = f" and {len(one.changed) - 1} more" if one.changed[1:] else ""
+            figures = len({each.figure for each in one.mismatches} - {TEXT})
+            result = (
+                f"made before input {first.file} ({first.shown}, is {first.recomputed}){more} "
+                f"changed: make it anew; {figures} of the figures differ"
+            )
+        else:
+            for each in one.mismatches:
+                yield (f"{one.page}: {each.figure} shows {each.shown!r}, recomputed "
+                       f"{each.recomputed!r} from {each.file}")  # fmt: skip
+            result = f"{bad} mismatches" if bad else "as shown"
+        of = f" of {one.shown}" if one.figures < one.shown else ""
         note = f" ({one.note})" if one.note else ""
-        yield f"{one.page}: {one.inputs} inputs, {one.figures} figures: {result}{note}"
+        yield f"{one.page}: {one.inputs} inputs, {one.figures}{of} figures: {result}{note}"

@@ -1,50 +1,41 @@
 """Challenger against champion: what is compared, and the decision that follows."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cache, cached_property, partial
+from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from pipeline.champions.serving import (
     DATA,
+    FIRST_BY,
     fill_champion,
     made_with,
     names_of,
     params_of,
+    promotion_settings,
     serving_of,
 )
+from pipeline.fleet import Fleet
+from pipeline.parameters import structure
 from pipeline.registry.loading import checked_place
 from pipeline.registry.runs import register
 from pipeline.registry.store import name_versions, versions
 from pipeline.schema.bundle import BUNDLE, VERDICT, Bundle, Champion, bundle_of
-from pipeline.schema.decision import Decision, Side
+from pipeline.schema.decision import Decision, Rule, Side
 from pipeline.schema.golden import GoldenSets, read_golden
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
+from pipeline.submodels.cases import Cases, Records
+from pipeline.submodels.contract import judging_of, submodel
 from pipeline.submodels.promotion import (
     Contest,
+    Files,
     Look,
-    PromotionSettings,
     contest,
     deciding,
     first_rules,
     sealed_rule,
 )
-
-if TYPE_CHECKING:
-    from pipeline.submodels.cases import Cases, Records
-    from pipeline.submodels.promotion import Files
-
-
-def promotion_settings(root: Path) -> PromotionSettings:
-    """Tolerances in params.yaml, or the usual ones."""
-    from pipeline.parameters import structure
-
-    values = params_of(root)
-    if "promotion" not in values:
-        return PromotionSettings()
-    return structure(values, "promotion", PromotionSettings)
 
 
 def decide(
@@ -66,12 +57,9 @@ def decide(
     folder, challenger = _challenger(machine, names, root, to)
     if now is None:
         raise ValueError(f"{machine} has no champion yet: run `dvc repro` to register the first")
-    serves, models = root / DATA / "champion" / machine, root / DATA / "models" / machine
     if now.bundle == challenger.sha256:
-        if to is not None:
-            raise ValueError(f"version {to} of {machine} is its champion already")
-        raise ValueError(f"{machine} has no challenger: run `dvc repro` on new records to make one")
-    champion = fill_champion(now.bundle, names, models, serves, root=root)
+        return _accepted(machine, now, challenger, to), ""
+    champion = fill_champion(machine, now.bundle, names, root)
     version = register(challenger, folder, root, made_with=lambda: made_with(machine, names, root))
     if to is None:
         name_versions(machine, root, challenger=challenger.sha256)
@@ -80,12 +68,7 @@ def decide(
     serving = tuple(name for name in champion.submodels if now.serves(name))
     sets = read_golden(root / DATA / "golden" / f"{machine}.json")
 
-    compare = _Sides(machine=machine, folders=(serves, folder), root=root, sets=sets,
-                     names=tuple(both))  # fmt: skip
-
-    def met(look: Look) -> list[Contest]:
-        return [one for name in both if (one := compare.met(name, look)) is not None]
-
+    met = _comparison(machine, both, (root / DATA / "champion" / machine, folder), root, sets)
     rules = first_rules(
         met("golden"), met("newest day"),
         champion=champion, challenger=challenger, serving=serving,
@@ -102,6 +85,21 @@ def decide(
     last = sealed_rule(sealed, {*serving, *decision.serving})
     looked = sets.sealed.sha256 if sealed else ""  # where nothing was compared nothing was seen
     return replace(decision, rules=(*rules, last)), looked
+
+
+def _accepted(machine: str, now: Champion, bundle: Bundle, to: int | None) -> Decision:
+    """Decision on the first bundle, which serves and which nobody had chosen."""
+    if to is None:
+        raise ValueError(f"{machine} has no challenger: run `dvc repro` on new records to make one")
+    if now.by != FIRST_BY:
+        raise ValueError(f"version {to} of {machine} is its champion already")
+    words = ("it serves already, as the first bundle, which nobody had chosen",)
+    rule = Rule(name="complete", result="kept", words=words)
+    return Decision(
+        machine=machine, origin=bundle.origin, champion=_side(to, bundle),
+        challenger=_side(to, bundle), changed=(), golden="", rules=(rule,),
+        serving=now.serving or (),
+    )  # fmt: skip
 
 
 def _challenger(
@@ -136,61 +134,41 @@ def _serving(serving: Sequence[str], challenger: Bundle, anyway: bool) -> tuple[
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Sides:
-    """Folders of champion and challenger, compared with the settings of params.yaml."""
+def _comparison(
+    machine: str, names: Sequence[str], folders: tuple[Path, Path], root: Path,
+    sets: GoldenSets | None,
+) -> Callable[[Look], list[Contest]]:  # fmt: skip
+    """Contests of sub-models by look; ``folders`` are the champion's and the challenger's.
 
-    machine: str
-    folders: tuple[Path, Path]
-    root: Path
-    sets: GoldenSets | None
-    names: tuple[str, ...]
-    """Sub-models that differ."""
+    Settings are those of params.yaml.  Cases are read once for all looks.
+    """
+    values, settings = params_of(root), promotion_settings(root)
+    verdicts = [read_json(folders[1] / name / VERDICT, Verdict) for name in names]
+    tests = sum(len(deciding(verdict)) for verdict in verdicts)
+    under = structure(values, "fleet", Fleet).drives_under.get(machine)
 
-    @cached_property
-    def tests(self) -> int:
-        """Comparisons in all, by the challenger's verdicts."""
-        verdicts = [read_json(self.folders[1] / name / VERDICT, Verdict) for name in self.names]
-        return sum(len(deciding(verdict)) for verdict in verdicts)
+    @cache
+    def cases(name: str, records: Records) -> tuple[Cases, Files]:
+        one = submodel(name)
+        return one.cases(records, judging_of(one, values, machine), sets), records.files
 
-    @cached_property
-    def values(self) -> dict[str, Any]:
-        return params_of(self.root)
-
-    @cached_property
-    def read(self) -> "Callable[[str, Records], tuple[Cases, Files]]":
-        """Cases of a sub-model from records, each read once for all looks."""
-        from pipeline.submodels.contract import judging_of, submodel
-
-        @cache
-        def cases(name: str, records: "Records") -> "tuple[Cases, Files]":
-            one = submodel(name)
-            judging = judging_of(one, self.values, self.machine)
-            return one.cases(records, judging, self.sets), records.files
-
-        return cases
-
-    def met(self, name: str, look: Look) -> Contest | None:
-        from pipeline.submodels.contract import judging_of, submodel
-
-        one, (champion, challenger) = submodel(name), self.folders
-        return contest(
-            one, judging_of(one, self.values, self.machine),
-            [partial(self.read, name, self.records(one.reads, own)) for own in self.folders],
-            sets=self.sets, champion=champion / name, challenger=challenger / name,
-            settings=promotion_settings(self.root), look=look, tests=self.tests,
-        )  # fmt: skip
-
-    def records(self, reads: Sequence[str], own: Path) -> "Records":
+    def records(name: str, own: Path) -> Records:
         """Records that a sub-model reads; ``own`` is the folder of the models it builds on."""
-        from pipeline.fleet import Fleet
-        from pipeline.parameters import structure
-        from pipeline.submodels.cases import Records
-
-        drive = f"data/models/{self.machine}/drive"
-        under = structure(self.values, "fleet", Fleet).drives_under.get(self.machine, drive)
         every = Records.of_machine(
-            self.root / DATA, self.machine, wear=own / "wear",
-            drive=own / "drive" if under == drive else self.root / under,
-        )  # fmt: skip
-        return Records(**{name: getattr(every, name) for name in reads})
+            root / DATA, machine, own, None if under is None else root / under
+        )
+        return Records(**{one: getattr(every, one) for one in submodel(name).reads})
+
+    def met(look: Look) -> list[Contest]:
+        found = [
+            contest(
+                submodel(name), judging_of(submodel(name), values, machine),
+                [partial(cases, name, records(name, own)) for own in folders],
+                sets=sets, champion=folders[0] / name, challenger=folders[1] / name,
+                settings=settings, look=look, tests=tests,
+            )
+            for name in names
+        ]  # fmt: skip
+        return [one for one in found if one is not None]
+
+    return met

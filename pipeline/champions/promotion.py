@@ -15,7 +15,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from pipeline.champions.challenge import decide, promotion_settings
 from pipeline.champions.serving import (
     DATA,
     bundle_place,
@@ -26,20 +25,25 @@ from pipeline.champions.serving import (
     history_path,
     names_of,
     newest_bundle,
+    promotion_settings,
     refilled,
 )
 from pipeline.registry.history import claim, delete_version, log_decision, server_history
 from pipeline.registry.provenance import CHAMPIONS, git
-from pipeline.registry.store import Version, is_shared, name_versions, note_promotion, versions
+from pipeline.registry.sqlite import Version
+from pipeline.registry.store import is_shared, name_versions, offline, versions
 from pipeline.schema.bundle import Champion, read_champions, stored_bundle, write_champions
 from pipeline.schema.decision import Decision
 from pipeline.schema.history import (
+    SERVING,
     Entry,
     Event,
+    document_of,
     hours_since,
     left_at,
     served,
     stamp,
+    standing,
     write_history,
 )
 from pipeline.schema.store import json_text, write_text
@@ -53,13 +57,19 @@ def person(root: Path) -> str:
     return git("config", "user.name", root=root) or os.environ.get("USER") or getpass.getuser()
 
 
-def judged(machine: str, root: Path = Path(), *, to: int | None = None) -> Decision:
+def judged(
+    machine: str, root: Path = Path(), *, to: int | None = None, anyway: bool = False
+) -> Decision:
     """Decision on the newest bundle, or version ``to``; changes nothing, looks at nothing sealed.
 
     Raises ValueError when there is no champion, no challenger or no such version.
     """
+    from pipeline.champions.challenge import decide
+
     with changing(machine, root):
-        return decide(machine, champion_of(machine, root), root, to=to, seal=False)[0]
+        champion = champion_of(machine, root)
+        decision, _ = decide(machine, champion, root, to=to, anyway=anyway, seal=False)
+    return decision
 
 
 def promote(
@@ -79,26 +89,19 @@ def promote(
     Raises ValueError when there is no reason, no challenger or no such version, when the rules
     refuse it, and when somebody else promoted another meanwhile.
     """
+    from pipeline.champions.challenge import decide
+
     _needs_reason(machine, why)
     by, at = by or person(root), stamp(now or datetime.now(UTC))
     with changing(machine, root):
-        champion = champion_of(machine, root)
-        chosen = (
-            bool(history_of(machine, root)) or machine in read_champions(root / CHAMPIONS).machines
-        )
-        if to is not None and champion is not None and champion.version == to and not chosen:
-            return _carried_out(_added(  # the first, which nobody had chosen
-                machine, root, event="promoted", version=to, bundle=champion.bundle, at=at, by=by,
-                why=why, serving=champion.serving or (),
-            ), root)  # fmt: skip
-        decision, sealed = decide(machine, champion, root, to=to, anyway=anyway)
+        decision, sealed = decide(machine, champion_of(machine, root), root, to=to, anyway=anyway)
         decision = replace(decision, at=at, by=by, why=why)
         document = json_text(decision)
         entry = _added(
             machine, root, document, event="promoted" if decision.promoted else "refused",
             version=decision.challenger.version, bundle=decision.challenger.bundle, at=at, by=by,
             why=why, serving=decision.serving if decision.promoted else (), sealed=sealed,
-            anyway=decision.promoted and not decision.may_serve, rules=decision.objections,
+            anyway=decision.overridden, rules=decision.objections,
             decision=hashlib.sha256(document.encode()).hexdigest(),
         )  # fmt: skip
         known = [v for v in versions(machine, root) if v.bundle == entry.bundle]
@@ -123,28 +126,30 @@ def rollback(
 ) -> Champion:
     """Make the version that served before, or version ``to`` that once served, the champion again.
 
-    Within the warm hours of the settings at once, later with ``force`` only.  Raises ValueError
-    when there is no reason, none that served before, or it has not served for longer.
+    A further rollback goes one further back.  Within the warm hours of the settings at once, later
+    with ``force`` only.  Raises ValueError when there is no reason, none that served before, or it
+    has not served for longer.
     """
     _needs_reason(machine, why)
     by, moment = by or person(root), stamp(now or datetime.now(UTC))
     with changing(machine, root):
-        champion, before = champion_of(machine, root), served(history_of(machine, root))
-        if champion is None or not before:
+        champion, history = champion_of(machine, root), history_of(machine, root)
+        if champion is None or not served(history):
             raise ValueError(f"{machine} has nothing to go back to: nothing was promoted yet")
         numbers = {v.bundle: v.version for v in versions(machine, root)}
-        gone = {e.bundle for e in history_of(machine, root) if e.event == "deleted"} - {*numbers}
-        others = [e for e in before if e.bundle not in (champion.bundle, *gone)
-                  and to in (None, numbers.get(e.bundle, e.version))]  # fmt: skip
-        if not others:
-            there = ", ".join(dict.fromkeys(str(e.version) for e in before
-                                            if e.bundle != champion.bundle)) or "none"  # fmt: skip
-            which = "another version" if to is None else f"version {to}"
-            raise ValueError(
-                f"{which} of {machine} never served before the present one; there are {there}"
-            )
-        target = others[-1]
-        hours = hours_since(left_at(before, target.bundle) or "", moment)
+        gone = {e.bundle for e in history if e.event == "deleted"} - {*numbers}
+        others = {e.bundle: e for e in served(history) if e.bundle not in (champion.bundle, *gone)}
+        before = standing(history)[:-1] if to is None else others.values()
+        back = [e for e in before if e.bundle in others
+                and to in (None, numbers.get(e.bundle, e.version))]  # fmt: skip
+        if not back:
+            there = ", ".join(str(numbers.get(e.bundle, e.version)) for e in others.values())
+            which = f"no version served {machine} before version {champion.version}"
+            if to is not None:
+                which = f"version {to} of {machine} never served beside the present one"
+            raise ValueError(f"{which}; for --to there are {there or 'none'}")
+        target = back[-1]
+        hours = hours_since(left_at(history, target.bundle) or "", moment)
         warm = promotion_settings(root).warm_hours
         if hours > warm and not force:
             raise ValueError(
@@ -152,9 +157,7 @@ def rollback(
                 f"warm for {warm:g} h: look at it, and give --force if it shall serve again"
             )
         # looked for first: an entry that cannot be carried out would hold the machine up
-        data = root / DATA
-        bundle_place(target.bundle, names_of(machine, root), data / "models" / machine,
-                     data / "champion" / machine, root=root)  # fmt: skip
+        bundle_place(machine, target.bundle, names_of(machine, root), root)
         return _carried_out(_added(
             machine, root, event="rolled back", version=target.version, bundle=target.bundle,
             at=moment, by=by, why=why, serving=target.serving,
@@ -215,9 +218,13 @@ def settle(machine: str, root: Path = Path()) -> None:
 
 
 def events(machine: str, root: Path = Path()) -> tuple[Entry, ...]:
-    """History of a machine; of one without a choice so far the bundle that serves as the first."""
-    settle(machine, root)
-    return history_of(machine, root) or _beginning(machine, root)
+    """History of a machine, with what a server that answers has beyond it; changes nothing.
+
+    Of a machine without a choice so far it is the bundle that serves as the first.
+    """
+    own = history_of(machine, root)
+    others = () if offline() else server_history(machine, root)
+    return max(own, others, key=len) or _beginning(machine, root)
 
 
 @contextmanager
@@ -229,27 +236,13 @@ def changing(machine: str, root: Path) -> Iterator[None]:
         names = names_of(machine, root)
         refilled(machine, names, root)
         _take_over(machine, root)
-        _check_choice(machine, root)
         serving = served(history_of(machine, root))
+        if not serving and machine in read_champions(root / CHAMPIONS).machines:
+            serving = list(_beginning(machine, root))  # chosen before there were histories
+            write_history(serving, history_path(machine, root))
         if serving:
             _carried_out(serving[-1], root)
         yield
-
-
-def _check_choice(machine: str, root: Path) -> None:
-    """Take a choice of before there were histories into one; refuse one that another lacks."""
-    chosen = read_champions(root / CHAMPIONS).machines.get(machine)
-    entries = served(history_of(machine, root))
-    if chosen is None:
-        return
-    if not entries:
-        write_history(_beginning(machine, root), history_path(machine, root))
-    elif chosen.bundle != entries[-1].bundle and chosen.since > entries[-1].at:
-        raise ValueError(
-            f"champions.json names version {chosen.version} of {machine} since {chosen.since}, "
-            f"which {history_path(machine, root)} does not hold: commit both, or take it back with "
-            f"`git checkout {CHAMPIONS}`"
-        )
 
 
 def _take_over(machine: str, root: Path) -> None:
@@ -295,9 +288,20 @@ def _added(machine: str, root: Path, document: str = "", *, event: Event, **fiel
                     f"{machine}`, and do this again if it is still right"
                 )
     if document:
-        write_text(document, decision_path(entry, root))
+        write_text(document, document_of(history_path(machine, root), entry))
     write_history((*before, entry), history_path(machine, root))
+    if event not in SERVING:
+        _note_present(machine, root)
     return entry
+
+
+def _note_present(machine: str, root: Path) -> None:
+    """Bring champions.json to the history: what serves, and the hash of the last entry."""
+    entries, champions = history_of(machine, root), read_champions(root / CHAMPIONS)
+    for last in served(entries)[-1:]:
+        wanted = champions.promoted(machine, champion_in(last), entries[-1].sha256)
+        if wanted != champions:
+            write_champions(wanted, root / CHAMPIONS)
 
 
 def _beginning(machine: str, root: Path) -> tuple[Entry, ...]:
@@ -305,7 +309,8 @@ def _beginning(machine: str, root: Path) -> tuple[Entry, ...]:
     champion = champion_of(machine, root)
     if champion is None:
         return ()
-    known = [v for v in versions(machine, root) if v.bundle == champion.bundle]
+    stored = [] if offline() else versions(machine, root)
+    known = [v for v in stored if v.bundle == champion.bundle]
     at = champion.since or (known[-1].created if known else "")
     held = stored_bundle(root / DATA / "champion" / machine, machine)
     serving = champion.serving
@@ -321,25 +326,16 @@ def _beginning(machine: str, root: Path) -> tuple[Entry, ...]:
 def _carried_out(entry: Entry, root: Path) -> Champion:
     """Bring files, champions.json and aliases to an entry from which on a version serves."""
     machine, champion = entry.machine, champion_in(entry)
-    names, data = names_of(machine, root), root / DATA
-    models, serves = data / "models" / machine, data / "champion" / machine
-    fill_champion(champion.bundle, names, models, serves, root=root, keep=True)
-    champions = read_champions(root / CHAMPIONS)
-    if champions.machines.get(machine) != champion:
-        write_champions(champions.promoted(machine, champion), root / CHAMPIONS)
-    newest = newest_bundle(models, names)
+    names = names_of(machine, root)
+    fill_champion(machine, champion.bundle, names, root, keep=True)
+    _note_present(machine, root)
+    newest = newest_bundle(machine, names, root)
     before = [e.bundle for e in served(history_of(machine, root)) if e.bundle != champion.bundle]
     name_versions(
-        machine, root, champion=champion.bundle, previous=before[-1] if before else None,
+        machine, root, champion, previous=before[-1] if before else None,
         challenger=newest.sha256 if newest and newest.sha256 != champion.bundle else None,
     )  # fmt: skip
-    note_promotion(machine, root, champion)
     return champion
-
-
-def decision_path(entry: Entry, root: Path = Path()) -> Path:
-    """File of the decision that an entry names."""
-    return root / DATA / "history" / entry.machine / f"{entry.number:04d}.json"
 
 
 def _needs_reason(machine: str, why: str) -> None:

@@ -9,14 +9,8 @@ from pipeline.registry.history import server_history
 from pipeline.registry.loading import checked_place
 from pipeline.registry.provenance import CHAMPIONS
 from pipeline.registry.runs import register
-from pipeline.registry.store import (
-    ARTIFACTS,
-    DATABASE,
-    Version,
-    name_versions,
-    note_promotion,
-    versions,
-)
+from pipeline.registry.sqlite import ARTIFACTS, Version
+from pipeline.registry.store import DATABASE, name_versions, offline, versions
 from pipeline.schema.bundle import (
     BUNDLE,
     VERDICT,
@@ -27,6 +21,7 @@ from pipeline.schema.bundle import (
     read_champions,
     stored_bundle,
 )
+from pipeline.schema.decision import PromotionSettings
 from pipeline.schema.history import Entry, read_history, served
 from pipeline.schema.store import StoreError, read_json
 from pipeline.schema.verdict import Verdict
@@ -39,8 +34,12 @@ FIRST_BY, FIRST_WHY = "dvc repro", "first bundle"
 
 
 def history_of(machine: str, root: Path = Path()) -> tuple[Entry, ...]:
-    """The machine's history; see :func:`~pipeline.schema.history.read_history`."""
-    return read_history(history_path(machine, root))
+    """The machine's history, whole by itself, its decisions and champions.json.
+
+    Raises StoreError where it is not, see :func:`~pipeline.schema.history.read_history`.
+    """
+    last = read_champions(root / CHAMPIONS).histories.get(machine, "")
+    return read_history(history_path(machine, root), last)
 
 
 def history_path(machine: str, root: Path = Path()) -> Path:
@@ -51,7 +50,7 @@ def history_path(machine: str, root: Path = Path()) -> Path:
 def champion_in(entry: Entry) -> Champion:
     """Champion by an entry from which on it serves."""
     return Champion(version=entry.version, bundle=entry.bundle, since=entry.at, by=entry.by,
-                    why=entry.why, serving=entry.serving)  # fmt: skip
+                    why=entry.reason, serving=entry.serving)  # fmt: skip
 
 
 def champion_of(machine: str, root: Path = Path()) -> Champion | None:
@@ -65,8 +64,8 @@ def champion_of(machine: str, root: Path = Path()) -> Champion | None:
 
 
 def first_champion(bundle: Bundle, root: Path = Path()) -> Champion:
-    """Champion without a promotion; version 0 where no store has it."""
-    known = versions(bundle.machine, root)
+    """Champion without a promotion; version 0 where no store that answers has it."""
+    known = [] if offline() else versions(bundle.machine, root)
     number = next((v.version for v in known if v.bundle == bundle.sha256), 0)
     lacking = bundle.named("failed", "not decided", "not judged")
     return Champion(
@@ -101,55 +100,53 @@ def keep_serving(machine: str, names: Sequence[str], root: Path = Path()) -> Cha
     if not experiment:
         register(newest, models, root, made_with=lambda: made_with(machine, names, root))
     wanted = champion.bundle if champion else first_serving(newest, versions(machine, root))
-    filled = fill_champion(wanted, names, models, serves, root=root)
+    filled = fill_champion(machine, wanted, names, root)
     champion = champion_of(machine, root) or first_champion(filled, root)
     shared = served(server_history(machine, root))
     unheard = shared and shared[-1].bundle != wanted  # by this clone
     if experiment or unheard:
         return champion
     other = None if wanted == newest.sha256 else newest.sha256
-    name_versions(machine, root, champion=wanted, challenger=other)
-    note_promotion(machine, root, champion)
+    name_versions(machine, root, champion, challenger=other)
     return champion
 
 
 def refilled(machine: str, names: Sequence[str], root: Path) -> Champion | None:
     """The champion; a store that lacks it, deleted or another server, is filled first."""
-    champion, models = champion_of(machine, root), root / DATA / "models" / machine
+    champion = champion_of(machine, root)
     known = {v.bundle for v in versions(machine, root)}
-    if champion is None or champion.bundle in known or newest_bundle(models, names) is None:
+    if champion is None or champion.bundle in known or newest_bundle(machine, names, root) is None:
         return champion
     return keep_serving(machine, names, root)
 
 
 def fill_champion(
-    bundle: str, names: Sequence[str], models: Path, target: Path, *, root: Path = Path(),
-    keep: bool = False,
-) -> Bundle:  # fmt: skip
-    """Fill ``target`` with the bundle of a hash: from itself, ``models``, warm, or the registry.
+    machine: str, bundle: str, names: Sequence[str], root: Path, *, keep: bool = False
+) -> Bundle:
+    """Fill ``data/champion/<machine>`` with the bundle of a hash; see :func:`bundle_place`.
 
     With ``keep`` what it held stays warm.  Raises ValueError when the bundle lies nowhere.
     """
-    source, held = bundle_place(bundle, names, models, target, root=root)
+    source, held = bundle_place(machine, bundle, names, root)
+    target, warm = (root / DATA / name / machine for name in ("champion", "warm"))
     if source != target:
-        warm = root / DATA / "warm" / target.name
         copy_bundle(source, held, target, warm if keep else None)
     return held
 
 
 def bundle_place(
-    bundle: str, names: Sequence[str], models: Path, target: Path, *, root: Path = Path()
+    machine: str, bundle: str, names: Sequence[str], root: Path
 ) -> tuple[Path, Bundle]:
-    """Folder that holds the bundle of a hash; see :func:`fill_champion`.
+    """Folder with the bundle of a hash: what serves, is warm, is newest, or is registered.
 
     Raises ValueError when it lies nowhere.
     """
-    machine = target.name
+    models, target = (root / DATA / name / machine for name in ("models", "champion"))
     for folder in (target, root / DATA / "warm" / machine):
         there = stored_bundle(folder, machine)
         if there is not None and there.sha256 == bundle:
             return folder, there
-    newest = newest_bundle(models, names)
+    newest = newest_bundle(machine, names, root)
     if newest is not None and newest.sha256 == bundle:
         return models, newest
     found = [v for v in versions(machine, root) if v.bundle == bundle]
@@ -164,10 +161,10 @@ def bundle_place(
     return source, read_json(source / BUNDLE, Bundle)
 
 
-def newest_bundle(models: Path, names: Sequence[str]) -> Bundle | None:
+def newest_bundle(machine: str, names: Sequence[str], root: Path) -> Bundle | None:
     """The bundle in ``data/models/<machine>``; None without one, and while it is half built."""
     try:
-        return bundle_of(models, models.name, names) if names else None
+        return bundle_of(root / DATA / "models" / machine, machine, names) if names else None
     except StoreError:
         return None
 
@@ -177,6 +174,15 @@ def params_of(root: Path) -> dict[str, Any]:
     from pipeline.parameters import PARAMS, read_params
 
     return read_params(root / PARAMS)
+
+
+def promotion_settings(root: Path) -> PromotionSettings:
+    """Tolerances in params.yaml, or the usual ones."""
+    from pipeline.parameters import structure
+
+    values = params_of(root)
+    return structure(values | {"promotion": values.get("promotion", {})}, "promotion",
+                     PromotionSettings)  # fmt: skip
 
 
 def names_of(machine: str, root: Path) -> tuple[str, ...]:
@@ -208,37 +214,37 @@ def status(machine: str, names: Sequence[str], root: Path = Path()) -> list[dict
     """Rows for ``kerf status``: one for each of the sub-models of a machine.
 
     Columns: ``machine``, ``origin``, ``sub-model``, ``latest`` and ``champion`` (verdicts),
-    ``serving`` and ``challenger`` (versions).  A missing champion is filled into the store first.
+    ``serving`` and ``challenger`` (versions; a number that only a server knows is ``-`` while it
+    does not answer).  A missing champion is filled into the store first.
     """
     if not names:
         keys = ("origin", "sub-model", "latest", "champion", "serving", "challenger")
         return [{"machine": machine, **dict.fromkeys(keys, "-"), "latest": NO_SUBMODEL}]
-    champion = refilled(machine, names, root)
-    numbers = {v.bundle: v.version for v in reversed(versions(machine, root))}
+    away, models = bool(offline()), root / DATA / "models" / machine
+    champion = champion_of(machine, root) if away else refilled(machine, names, root)
+    known = [] if away else versions(machine, root)
+    numbers = {v.bundle: v.version for v in reversed(known)}
     serves = stored_bundle(root / DATA / "champion" / machine, machine)
-    newest = newest_bundle(root / DATA / "models" / machine, names)
-    other = champion is not None and newest is not None and newest.sha256 != champion.bundle
-    since = f" since {champion.since[:10]}" if champion and champion.since else ""
+    newest = newest_bundle(machine, names, root)
+    serving = challenger = "-"
+    if champion is not None:
+        since = f" since {champion.since[:10]}" if champion.since else ""
+        serving = f"version {champion.version or '-'}{since}"
+        if newest is not None and newest.sha256 != champion.bundle:
+            challenger = f"version {numbers.get(newest.sha256, '-')}"
     rows = []
     for name in names:
-        path = root / DATA / "models" / machine / name / VERDICT
+        path = models / name / VERDICT
         verdict = read_json(path, Verdict) if path.exists() else None
         held = serves.submodels.get(name) if serves else None
+        idle = "" if champion is None or champion.serves(name) else ", does not serve"
         rows.append(
             {
-                "machine": machine,
-                "origin": verdict.origin if verdict else "-",
+                "machine": machine, "origin": verdict.origin if verdict else "-",
                 "sub-model": name,
                 "latest": verdict.status if verdict else "not built: run `dvc repro`",
-                "champion": "-"
-                if held is None or champion is None
-                else held.status
-                if champion.serves(name)
-                else f"{held.status}, does not serve",
-                "serving": f"version {champion.version}{since}" if champion else "-",
-                "challenger": f"version {numbers.get(newest.sha256, '-')}"
-                if other and newest
-                else "-",
+                "champion": f"{held.status}{idle}" if held and champion else "-",
+                "serving": serving, "challenger": challenger,
             }
-        )
+        )  # fmt: skip
     return rows

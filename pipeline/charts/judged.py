@@ -536,14 +536,16 @@ def gain_words(one: NextRecording) -> str:
     now = "not determined now" if one.now is None else f"± {number(one.now)}{unit} now"
     after = "" if one.expected is None else f", ± {number(one.expected)}{unit} after it"
     gain = "" if one.gain_percent is None else f" ({one.gain_percent:g} % narrower)"
+    if not one.noticed:
+        gain = f" ({one.gain_percent:g} %, it varies by chance by {one.uncertain_percent:g} %)"
     return f"{one.interval}: {now}{after}{gain}, by {one.method}"
 
 
 def next_table(some: Sequence[NextRecording], made: list[Source]) -> Table | None:
     """What to record next: the recordings of the greatest gain."""
     columns: tuple[Column[NextRecording], ...] = (
-        Column("Record", lambda one: one.record),
-        Column("time", lambda one: f"{one.minutes:g}", "min"),
+        Column("Record", lambda one: one.proposal),
+        Column("time", lambda one: "–" if one.minutes is None else f"{one.minutes:g}", "min"),
         Column("it narrows", gain_words),
     )
     return tabulated("What to record next", some, columns, made)

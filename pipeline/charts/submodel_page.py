@@ -575,9 +575,10 @@ class _Frame:
         return Section(
             key=f"{self.subject.name}-next", title=f"{self.name}: what to record next",
             text=[
-                "The recordings of at most 20 minutes that narrow most the interval that decides, "
-                "the best first, with its half widths now and as expected with the recording among "
-                "the training records."
+                "The recordings that narrow most the interval that decides, the best first, with "
+                "its half widths now and as expected with the recording among the training "
+                "records. A time stands where a recording was designed; one without is as long as "
+                "those so far."
             ],
             blocks=present(table),
         )  # fmt: skip

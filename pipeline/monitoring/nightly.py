@@ -10,11 +10,12 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date, timedelta
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+import pandas as pd
 
 from pipeline.monitoring.budget import Budget, MonitoringSettings, budgets
 from pipeline.monitoring.drift import Target, decided
@@ -22,7 +23,7 @@ from pipeline.monitoring.reasons import beyond, parts_of
 from pipeline.schema.bundle import MODEL, VERDICT, stored_bundle
 from pipeline.schema.days import day_of_text, is_day, zone_of
 from pipeline.schema.golden import GoldenSets
-from pipeline.schema.ledger import Ask, Night, Result, read_ledger
+from pipeline.schema.ledger import Night, Result
 from pipeline.schema.model import Model
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
@@ -33,9 +34,8 @@ from pipeline.submodels.scoring import ALL, scored_rows
 
 MOST_APART_DAYS = 8
 """Days from a record to the next between which the recording goes on: a week that lacks all."""
-IDENTIFICATION: Ask = "identification"
-TRAINING: Ask = "training"
-"""Work on a physical sub-model, and on one with a network that is trained."""
+Group = tuple[str, tuple[Case, ...]]
+"""A night and its cases."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,136 +45,141 @@ class ServingModel:
     one: SubModel[Any, Any, Any]
     folder: Path
     judging: Any
-    model: Model
-    verdict: Verdict
+    settings: MonitoringSettings
     bundle: str
     sha256: str
-    budgets: Mapping[Target, Budget]
+    """Hashes of the bundle and of the sub-model in it."""
 
-    def works_on(self, day: date) -> bool:
+    @cached_property
+    def model(self) -> Model:
+        """The model; StoreError where its file is missing."""
+        return read_json(self.folder / MODEL, self.one.model)
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Its verdict; StoreError where the file is missing."""
+        return read_json(self.folder / VERDICT, Verdict)
+
+    @cached_property
+    def budgets(self) -> Mapping[Target, Budget]:
+        """Error budgets by target."""
+        targets = self.one.targets(self.judging, self.model)
+        return {(self.one.name, one.target.quantity, one.target.regime): one
+                for one in budgets(targets, self.verdict, self.settings)}  # fmt: skip
+
+    @cached_property
+    def learnt(self) -> list[str]:
+        """Training days, the last one last; none where a case is a recording."""
+        return sorted(one.case for one in self.model.trained_on if is_day(one.case))
+
+    def works_on(self, day: str) -> bool:
         """Whether a training day was a day of the same weekday."""
-        days = [one.case for one in self.model.trained_on if is_day(one.case)]
-        return any(date.fromisoformat(one).weekday() == day.weekday() for one in days)
+        weekday = date.fromisoformat(day).weekday()
+        return any(date.fromisoformat(one).weekday() == weekday for one in self.learnt)
 
 
 def score_nights(
     champion: Path,
     records: Records,
-    ledger: Path,
+    known: Sequence[Night],
     *,
     sets: GoldenSets | None,
     values: dict[str, Any],
     settings: MonitoringSettings,
 ) -> tuple[Night, ...]:
-    """Nights of the champion in ``champion`` that the ledger does not hold yet, oldest first.
+    """Nights of the champion in ``champion`` that are not ``known`` yet, oldest first.
 
     ``values`` are the parameters, as :func:`pipeline.parameters.read_params` gives them.
     """
     bundle = stored_bundle(champion, champion.name)
-    known = read_ledger(ledger)
     found: list[Night] = []
     for name, held in () if bundle is None else bundle.submodels.items():
-        one, folder = submodel(name), champion / name
-        judging = judging_of(one, values, champion.name)
-        serving = serving_model(
-            one, folder, judging, settings, bundle=bundle.sha256 if bundle else "",
-            sha256=held.sha256,
+        one = submodel(name)
+        serving = ServingModel(
+            one=one, folder=champion / name, judging=judging_of(one, values, champion.name),
+            settings=settings, bundle=bundle.sha256 if bundle else "", sha256=held.sha256,
         )  # fmt: skip
         if serving.budgets:
-            cases = one.cases(records, judging, sets)
+            cases = one.cases(records, serving.judging, sets)
             each = _nights(serving, cases, records, sets)
-            found += scored(serving, each, known, settings, cases.absent)
+            found += scored(serving, each, known, cases.absent)
     return tuple(sorted(found, key=lambda night: night.night))
 
 
-def serving_model(
-    one: SubModel[Any, Any, Any], folder: Path, judging: Any, settings: MonitoringSettings, *,
-    bundle: str, sha256: str,
-) -> ServingModel:  # fmt: skip
-    """The sub-model in ``folder`` with its budgets; StoreError where a file is missing."""
-    model, verdict = read_json(folder / MODEL, one.model), read_json(folder / VERDICT, Verdict)
-    allowed = budgets(one.targets(judging, model), verdict, settings)
-    return ServingModel(
-        one=one, folder=folder, judging=judging, model=model, verdict=verdict, bundle=bundle,
-        sha256=sha256,
-        budgets={(one.name, b.target.quantity, b.target.regime): b for b in allowed},
-    )  # fmt: skip
-
-
 def scored(
-    serving: ServingModel, each: Iterable[tuple[str, tuple[Case, ...]]],
-    known: Sequence[Night], settings: MonitoringSettings,
+    serving: ServingModel, each: Iterable[Group], known: Sequence[Night],
     absent: Mapping[str, Sequence[str]] | None = None,
 ) -> list[Night]:  # fmt: skip
     """Nights of one sub-model that ``known`` lacks, each decided after those before it.
 
-    ``each``: cases by night; the newest night in ``known`` is scored again where its files have
-    changed.  ``absent``: data items that no record has, see :class:`Cases`.
+    The newest night in ``known`` is scored again where its files have changed.  ``absent``: data
+    items that no record has, see :class:`Cases`.
     """
-    before = [one for one in known if one.target[0] == serving.one.name]
-    before = [one for one in before if one.model == serving.sha256]
+    before = [one for one in known
+              if (one.submodel, one.model) == (serving.one.name, serving.sha256)]  # fmt: skip
     last = max((one.night for one in before), default="")
     held = {(one.night, one.records if one.night == last else "") for one in before}
+    new = [(night, group) for night, group in each
+           if (night, _digest(group) if night == last else "") not in held]  # fmt: skip
+    if not new:
+        return []
+    predictor = serving.one.load(serving.folder, serving.judging)
+    is_net = bool(serving.one.curves(serving.folder))
     found: list[Night] = []
-    predictor, work = None, IDENTIFICATION
-    for night, group in each:
-        if (night, _digest(group) if night == last else "") in held:
-            continue
-        if predictor is None:
-            predictor = serving.one.load(serving.folder, serving.judging)
-            work = TRAINING if serving.one.curves(serving.folder) else IDENTIFICATION
+    for night, group in new:
         judged = judge(
             serving.model, predictor, Cases(cases=group),
             [budget.target for budget in serving.budgets.values()],
             sets=None, files={}, roles=("held_out",),
         )  # fmt: skip
-        rows = list(_rows(serving, night, group, judged, settings, absent or {}))
         far, words = beyond(judged.verdict.outside)
-        rows = [replace(one, beyond=far) for one in rows]
+        rows = [replace(one, beyond=far)
+                for one in _rows(serving, night, group, judged, absent or {})]  # fmt: skip
         found += decided(
-            rows, (*before, *found), serving.budgets, settings, outside=words, work=work
-        )
+            rows, (*before, *found), serving.budgets, serving.settings, outside=words,
+            work="training" if is_net else "identification",
+        )  # fmt: skip
     return found
 
 
 def _nights(
     serving: ServingModel, cases: Cases, records: Records, sets: GoldenSets | None
-) -> Iterator[tuple[str, tuple[Case, ...]]]:
+) -> Iterator[Group]:
     """Nights and their cases; a working day without a case has none."""
-    trained = {one.case for one in serving.model.trained_on}
-    learnt = max((day for day in trained if is_day(day)), default="")
-    if not any(is_day(case.name) for case in cases.cases):
-        seen = trained | {one.case for one in serving.verdict.cases}
-        new = [case for case in cases.of("held_out") if case.name not in seen]
-        fitted = serving.model.training_files
-        by_night: dict[str, list[Case]] = {}
-        for case in new:
-            if not any(one.sha256 in fitted for one in case.files):
-                by_night.setdefault(_night_of(case, records), []).append(case)
-        yield from ((night, tuple(some)) for night, some in sorted(by_night.items()))
+    zone = zone_of(records.clean or Path())
+    if any(is_day(case.name) for case in cases.cases):
+        learnt = max(serving.learnt, default="")
+        days = {day: some for day, some in nights(cases).items() if day > learnt}
+        lost = _lost_days(serving, learnt, cases, records, sets, zone)
+        yield from ((day, days.get(day, ())) for day in sorted({*days, *lost}))
         return
-    days = {day: some for day, some in nights(cases).items() if day > learnt}
-    for day in sorted({*days, *_working_days(serving, learnt, cases, records, sets)}):
-        yield day, days.get(day, ())
+    seen = {one.case for one in serving.model.trained_on}
+    seen |= {one.case for one in serving.verdict.cases}
+    fitted = serving.model.training_files
+    by_night: dict[str, list[Case]] = {}
+    for case in cases.of("held_out"):
+        if case.name not in seen and not any(one.sha256 in fitted for one in case.files):
+            by_night.setdefault(_night_of(case, records, zone), []).append(case)
+    yield from ((night, tuple(some)) for night, some in sorted(by_night.items()))
 
 
-def _night_of(case: Case, records: Records) -> str:
+def _night_of(case: Case, records: Records, zone: str) -> str:
     """Day of the last record of a recording; its name where it has no clock."""
     ends = [records.files.get(one.file, {}).get("last") for one in case.files]
     known = [str(end) for end in ends if end]
-    zone = zone_of(records.clean) if records.clean is not None else "UTC"
     return day_of_text(max(known), zone) if known else case.name
 
 
-def _working_days(
-    serving: ServingModel, learnt: str, cases: Cases, records: Records, sets: GoldenSets | None
-) -> Iterator[str]:
+def _lost_days(
+    serving: ServingModel, learnt: str, cases: Cases, records: Records, sets: GoldenSets | None,
+    zone: str,
+) -> Iterator[str]:  # fmt: skip
     """Weekdays worked in training that lack a case in the midst of records, and are not frozen.
 
     Records in their midst are of the same recorders and at most :data:`MOST_APART_DAYS` apart:
     beyond that recording was stopped.
     """
-    zone, files = zone_of(records.clean) if records.clean is not None else "UTC", records.files
+    files = records.files
     sources = {_source(one.file, files) for case in serving.model.trained_on for one in case.files}
     known = {case.name for case in cases.cases}
     ends = {day_of_text(str(one["last"]), zone) for name, one in files.items()
@@ -182,12 +187,12 @@ def _working_days(
     frozen = [one.days for one in (sets.golden, sets.sealed) if one and one.days] if sets else []
     recorded = sorted(date.fromisoformat(day) for day in known | ends if day >= learnt)
     for before, after in pairwise(recorded):
-        apart = (after - before).days
-        for day in (before + timedelta(days=k) for k in range(apart)):
-            judged = str(day) in known or any(str(day) in span for span in frozen)
-            lost = not judged and apart <= MOST_APART_DAYS and str(day) > learnt
-            if lost and serving.works_on(day):
-                yield str(day)
+        if (after - before).days > MOST_APART_DAYS:
+            continue
+        for day in (str(before + timedelta(days=k)) for k in range((after - before).days)):
+            is_free = day > learnt and day not in known and not any(day in span for span in frozen)
+            if is_free and serving.works_on(day):
+                yield day
 
 
 def _source(file: str, files: Mapping[str, Mapping[str, Any]]) -> tuple[str, str]:
@@ -197,7 +202,7 @@ def _source(file: str, files: Mapping[str, Mapping[str, Any]]) -> tuple[str, str
 
 def _rows(
     serving: ServingModel, night: str, group: Sequence[Case], judged: Judged,
-    settings: MonitoringSettings, absent: Mapping[str, Sequence[str]],
+    absent: Mapping[str, Sequence[str]],
 ) -> Iterator[Night]:  # fmt: skip
     """Each target of a night with its errors; one line without a target where nothing is scored."""
     head: dict[str, Any] = {
@@ -209,7 +214,8 @@ def _rows(
     for (_, quantity, regime), budget in serving.budgets.items():
         score = scores.get((quantity, regime))
         share = None if score is None else budget.share(score)
-        if score is None or share is None or score.n < settings.least_records * budget.samples:
+        least = serving.settings.least_records * budget.samples
+        if score is None or share is None or score.n < least:
             continue
         scored = True
         yield Night(
@@ -219,8 +225,7 @@ def _rows(
             result="over" if share > 1 else "within",
         )  # fmt: skip
     if not scored:
-        continuous = not group or is_day(group[0].name)
-        missing = continuous and serving.works_on(date.fromisoformat(night))
+        missing = (not group or is_day(group[0].name)) and serving.works_on(night)
         notes = [one.note for one in judged.verdict.cases if one.note]
         lacking = [f"no record has {item}" for item in absent]
         why = "; ".join([*notes, *lacking]) or "there are too few records"
@@ -233,19 +238,15 @@ def _parts(
 ) -> dict[str, float]:
     """Parts of a target's residual by cause, over all cases of a night."""
     rows = scored_rows(judged.predictions, budget.target)
-    found: list[Mapping[str, Any]] = []
+    tables = []
     for case in group:
-        own = rows[rows["case"] == case.name]
+        own = rows[rows["case"] == case.name].reset_index(drop=True)
         if len(own):
-            found.append(
-                {"measured": own["measured"].to_numpy(float),
-                 "predicted": own["predicted"].to_numpy(float),
-                 **serving.one.influences(case, own)}
-            )  # fmt: skip
-    names = set.intersection(*(set(one) for one in found)) if found else set()
-    joined = {name: np.concatenate([one[name] for one in found]) for name in sorted(names)}
-    measured, predicted = joined.pop("measured"), joined.pop("predicted")
-    return parts_of(measured, predicted, joined)
+            both = own[["measured", "predicted"]].astype(float)
+            tables.append(both.assign(**serving.one.influences(case, own)))
+    joined = pd.concat(tables, join="inner")
+    columns = {name: joined[name].to_numpy(float) for name in sorted(map(str, joined))}
+    return parts_of(columns.pop("measured"), columns.pop("predicted"), columns)
 
 
 def _digest(group: Sequence[Case]) -> str:

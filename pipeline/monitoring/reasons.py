@@ -19,6 +19,8 @@ from pipeline.submodels.contract import CUTTING_TIME, TEMPERATURE_RISE, VELOCITY
 
 OFFSET, NOISE, STUCK = "offset", "noise", "stuck"
 """Parts of the residual that a sensor alone makes."""
+ALL_REGRESSORS = "all"
+"""Part of the residual that goes with all regressors together."""
 CAUSES: Mapping[str, Reason] = {
     OFFSET: "sensor", NOISE: "sensor", STUCK: "sensor", TEMPERATURE_RISE: "heat",
     VELOCITY: "friction", CUTTING_TIME: "wear",
@@ -46,6 +48,9 @@ HALF = 0.5
 """Share of the samples from which on a constant reading is a stuck one [1]."""
 LEAST_EXPLAINED = 0.3
 """Share of the rise of the squared residual that a cause has to explain [1]."""
+CLEAR = 0.5
+"""Squared residual that the best cause leaves to the other regressors, over the one that another
+cause leaves, up to which the best one is clear [1]; half as much on a single night."""
 
 
 def parts_of(
@@ -63,14 +68,15 @@ def parts_of(
     0.374166
     """
     residual = measured - predicted
-    regressors = {OFFSET: [np.ones_like(residual)]}
+    regressors = {OFFSET: np.ones_like(residual)}
     for name, values in influences.items():
         one = np.nan_to_num(values)
-        regressors[name] = {
-            VELOCITY: [np.sign(one), one], CUTTING_TIME: [one * predicted]
-        }.get(name, [one])  # fmt: skip
-    found = {name: max((_part(residual, one) for one in some), key=abs)
-             for name, some in regressors.items()}  # fmt: skip
+        some = {VELOCITY: [np.sign(one), one], CUTTING_TIME: [one * predicted]}.get(name, [one])
+        regressors[name] = max(some, key=lambda each: abs(_part(residual, each)))
+    found = {name: _part(residual, one) for name, one in regressors.items()}
+    every = np.column_stack(list(regressors.values()))
+    fitted = every @ np.linalg.lstsq(every, residual, rcond=None)[0]
+    found[ALL_REGRESSORS] = float(np.sqrt(np.mean(fitted**2)))
     jumps = np.diff(residual)
     found[NOISE] = float(np.sqrt(np.mean(jumps**2) / 2)) if len(jumps) else 0.0
     found[STUCK] = _stuck(measured, predicted)
@@ -105,23 +111,34 @@ def beyond(outside: Iterable[OutsideConditions]) -> tuple[float, str]:
     return significant(widening(far) - 1), f"{far.condition} is {value}, learnt was {far.learnt}"
 
 
-def cause(nights: Sequence[Night], quiet: Iterable[Night]) -> str:
+def causes(nights: Sequence[Night], quiet: Iterable[Night]) -> list[str]:
     """The part that explains most of the residuals, of those that rose over the quiet nights.
 
-    ``nights`` are the targets of the nights of a fault, over which the explained shares are summed;
-    empty where no part explains enough of a rise.
+    ``nights`` are the targets of the nights of a fault, over which the explained shares are summed.
+    Parts of other reasons follow where the first one is not clear: it leaves more than
+    :data:`CLEAR` of what they leave, of all that the regressors explain together.  None where no
+    part explains enough of a rise.
     """
-    before, explained = list(quiet), dict[str, float]()
+    before, rose, shares = list(quiet), dict[str, float](), dict[str, float]()
     for night in nights:
         usual = [one for one in before if one.target == night.target]
-        if night.rmse is None:
+        if not night.rmse:
             continue
         rise = night.rmse**2 - _median([(one.rmse or 0.0) ** 2 for one in usual])
         for name, part in night.parts.items():
             own = part**2 - _median([one.parts.get(name, 0.0) ** 2 for one in usual])
-            if own > LEAST_EXPLAINED * rise > 0:
-                explained[name] = explained.get(name, 0.0) + part**2 / night.rmse**2
-    return max(explained, key=lambda name: explained[name], default="")
+            share = part**2 / night.rmse**2
+            shares[name] = shares.get(name, 0.0) + share
+            if name in CAUSES and own > LEAST_EXPLAINED * rise > 0:
+                rose[name] = rose.get(name, 0.0) + share
+    if not rose:
+        return []
+    best = max(rose, key=lambda name: rose[name])
+    most = max(shares.get(ALL_REGRESSORS, 0.0), shares[best])
+    clear = CLEAR if len({one.night for one in nights}) > 1 else CLEAR / 2
+    others = [name for name in rose if CAUSES[name] != CAUSES[best]
+              and most - shares[best] > clear * (most - shares[name])]  # fmt: skip
+    return [best, *others]
 
 
 def _median(values: Sequence[float]) -> float:

@@ -10,12 +10,13 @@ from typing import Any
 
 from pipeline.registry.provenance import plain
 from pipeline.registry.runs import HEAD, as_description
+from pipeline.registry.sqlite import Note, Version
 from pipeline.registry.store import (
-    Version,
     client_of,
     is_shared,
     made_by_another,
     model_name,
+    note,
     reached,
     versions,
 )
@@ -74,61 +75,28 @@ def claim(entry: Entry, root: Path) -> tuple[Entry, ...]:
 
 
 def log_decision(decision: Decision, version: Version, root: Path) -> None:
-    """Store a decision with the challenger: document, page, metrics of its run, tags of it.
+    """Store a decision with the challenger: document, metrics of its run, tag of it.
 
     Raises ValueError where the store cannot be written.
     """
-    from mlflow.entities import Metric
-
-    client, number = client_of(root), str(version.version)
     said = "may serve" if decision.may_serve else f"is refused: {decision.objections}"
-    if decision.anyway and not decision.may_serve:
+    if decision.overridden:
         said = f"serves anyway: {decision.objections}"
-    with reached("written"):
-        if version.run:
-            metrics = [
-                Metric("/".join(map(plain, key.split("/"))), value, 0, 0)
-                for key, value in decision.metrics.items()
-            ]
-            client.log_batch(version.run, metrics=metrics)
-            client.log_text(version.run, json_text(decision), f"{GATE}/decision.json")
-            client.log_text(version.run, decision_text(decision), f"{GATE}/decision.md")
-        name = model_name(decision.machine)
-        client.set_model_version_tag(name, number, GATE, said[:4000])
-        card = client.get_model_version(name, number).description or ""
-        of_gate = f"Gate: against version {decision.champion.version} it {said[:800]}."
-        by = f" {decision.by}, {decision.at}: {decision.why}."
-        client.update_model_version(
-            name, number, as_description(f"{of_gate}{by}\n\n{card[max(card.find(HEAD), 0) :]}")
-        )
-
-
-def decision_text(decision: Decision) -> str:
-    """A decision in Markdown: sides, rules with results and words, figures."""
-    by = f"{decision.by}, {decision.at}: {decision.why}"
-    lines = [
-        f"# {decision.machine}: may version {decision.challenger.version} serve in the place of "
-        f"version {decision.champion.version}? ({decision.origin} records)",
-        "",
-        f"{'Yes' if decision.may_serve else 'No'}"
-        f"{', but somebody said anyway' if decision.anyway and not decision.may_serve else ''}. "
-        f"{by}.",
-        "",
-        f"Changed: {', '.join(decision.changed) or 'no sub-model'}.",
-        "",
-        "| rule | result | why |",
-        "|---|---|---|",
-        *(f"| {one.name} | {one.result} | {one.sentence} |" for one in decision.rules),
-        "",
-        "| look | target | champion | challenger | |",
-        "|---|---|---|---|---|",
-        *(
-            f"| {rule.name} | {one.submodel}: {one.quantity} {one.regime} [{one.unit}] | "
-            f"{one.champion:.4g} | {one.challenger:.4g} | {one.result} |"
-            for rule in decision.rules for one in rule.figures
+    card = version.description
+    of_gate = (
+        f"Gate: against version {decision.champion.version} it {said[:800]}. {decision.by}, "
+        f"{decision.at}: {decision.why}."
+    )
+    logged = {"/".join(map(plain, key.split("/"))): one for key, one in decision.metrics.items()}
+    note(
+        decision.machine, root,
+        Note(
+            version=version.version, tags={GATE: said[:4000]},
+            description=as_description(f"{of_gate}\n\n{card[max(card.find(HEAD), 0) :]}"),
+            run=version.run, metrics=logged if version.run else {},
+            files={f"{GATE}/decision.json": json_text(decision)} if version.run else {},
         ),
-    ]  # fmt: skip
-    return "\n".join(lines) + "\n"
+    )  # fmt: skip
 
 
 def delete_version(version: Version, root: Path) -> None:

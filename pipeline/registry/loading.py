@@ -8,10 +8,9 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlparse
 
+from pipeline.registry.sqlite import ARTIFACTS, Version, local_place
 from pipeline.registry.store import (
-    ARTIFACTS,
     DATABASE,
-    Version,
     client_of,
     model_name,
     reached,
@@ -87,25 +86,28 @@ def place_of(version: Version, root: Path, part: Path = Path()) -> Path:
 
     Raises ValueError when it is nowhere.
     """
-    client = client_of(root)
-    import mlflow
-
-    with reached("read", "do this again when it answers"):
-        stored = client.get_model_version_download_uri(
-            model_name(version.machine), str(version.version)
-        )
-    moved = root / ARTIFACTS / stored.rpartition(f"/{ARTIFACTS}/")[2]
+    stored = version.place
+    if not stored:
+        client = client_of(root)
+        with reached("read", "do this again when it answers"):
+            stored = client.get_model_version_download_uri(
+                model_name(version.machine), str(version.version)
+            )
+    moved = local_place(stored, root)
     if moved.is_dir():
         return moved.resolve()
-    try:
-        if urlparse(stored).scheme in ("", "file"):
-            return Path(mlflow.artifacts.download_artifacts(artifact_uri=stored))
-        return _brought(stored, part, root / ARTIFACTS / FROM_SERVER)
-    except (OSError, mlflow.MlflowException) as error:
-        raise ValueError(
-            f"the bundle of {version.machine} version {version.version} is neither in {moved} nor "
-            f"in {stored}: bring {ARTIFACTS} along with {DATABASE}"
-        ) from error
+    reason: OSError | None = None
+    if urlparse(stored).scheme not in ("", "file"):
+        import mlflow
+
+        try:
+            return _brought(stored, part, root / ARTIFACTS / FROM_SERVER)
+        except (OSError, mlflow.MlflowException) as error:
+            reason = error
+    raise ValueError(
+        f"the bundle of {version.machine} version {version.version} is neither in {moved} nor "
+        f"in {stored}: bring {ARTIFACTS} along with {DATABASE}"
+    ) from reason
 
 
 def _brought(stored: str, part: Path, kept: Path) -> Path:

@@ -20,8 +20,8 @@ from pipeline.registry.provenance import (
     requirements,
     training_files,
 )
+from pipeline.registry.sqlite import Version
 from pipeline.registry.store import (
-    Version,
     client_of,
     experiment_of,
     made_by_another,

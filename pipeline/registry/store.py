@@ -2,23 +2,28 @@
 
 import hashlib
 import os
-import sqlite3
-from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
+from pipeline.registry.sqlite import (
+    ARTIFACTS,
+    Note,
+    Version,
+    read_versions,
+    version_of,
+    write_note,
+)
 from pipeline.schema.bundle import Champion
-from pipeline.schema.history import stamp
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
 
 DATABASE = "mlflow.db"
-ARTIFACTS = "mlartifacts"
 EXPERIMENT = "kerf"
 QUIET = {
     "MLFLOW_DISABLE_TELEMETRY": "true",
@@ -29,21 +34,8 @@ QUIET = {
     "GIT_PYTHON_REFRESH": "quiet",
 }
 """Settings of MLflow where the environment says nothing else."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Version:
-    """One registered version of a machine's bundle; ``status`` is the gravest of its sub-models."""
-
-    machine: str
-    version: int
-    bundle: str
-    status: str
-    aliases: tuple[str, ...]
-    tags: Mapping[str, str] = field(default_factory=dict)
-    created: str = ""
-    run: str = ""
-    """Time of its registration, UTC, and the id of its run."""
+PATIENCE_S = 2.0
+"""Time in which a server has to answer those who can do without it [s]."""
 
 
 def model_name(machine: str) -> str:
@@ -66,79 +58,85 @@ def exists(root: Path) -> bool:
     return is_server() or (root / DATABASE).exists()
 
 
+def offline() -> str:
+    """Sentence on a server that does not answer within :data:`PATIENCE_S`; else empty."""
+    return _silent(os.environ["MLFLOW_TRACKING_URI"]) if is_shared() else ""
+
+
+@cache
+def _silent(uri: str) -> str:
+    if not uri.startswith(("http://", "https://")) or "@" in uri:
+        return ""
+    from http.client import HTTPException
+    from ssl import SSLError
+    from urllib.error import HTTPError
+    from urllib.request import urlopen
+
+    try:
+        urlopen(f"{uri.rstrip('/')}/health", timeout=PATIENCE_S).close()
+    except HTTPError:  # it answers
+        return ""
+    except (OSError, HTTPException, ValueError) as error:
+        reason = getattr(error, "reason", None)
+        if not isinstance(reason, SSLError):  # MLflow has settings for that
+            return f"the registry {uri} does not answer ({_plain(reason or error)})"
+    return ""
+
+
+def _plain(error: object) -> str:
+    """Reason why a server was not reached, without the words of the library that tried."""
+    said = str(getattr(error, "strerror", None) or error or type(error).__name__)
+    said = (said.splitlines() or [""])[0]
+    return "it does not answer" if "HTTPConnectionPool" in said or "HTTPSConn" in said else said
+
+
 def versions(machine: str, root: Path = Path()) -> list[Version]:
     """Registered versions of a machine's model, oldest first; ValueError if not readable."""
     if not exists(root):
         return []
-    tags, aliases = _of_server(machine, root) if is_server() else _read(machine, root / DATABASE)
-    return [
-        Version(
-            machine=machine,
-            version=number,
-            bundle=said.get("bundle_sha256", ""),
-            status=said.get("status", ""),
-            aliases=tuple(sorted(alias for alias, n in aliases.items() if n == number)),
-            tags={key: value for key, value in said.items() if key not in (CREATED, RUN)},
-            created=stamp(datetime.fromtimestamp(int(said[CREATED]) / 1000, UTC)),
-            run=said[RUN],
-        )
-        for number, said in sorted(tags.items())
-    ]
-
-
-Tags = dict[int, dict[str, str]]
-CREATED, RUN = "\0created", "\0run"
-"""Keys beside the tags, which no tag can have: time of registration [ms] and run."""
-
-
-def _read(machine: str, database: Path, mode: str = "ro") -> tuple[Tags, dict[str, int]]:
-    """Tags by version, and versions by alias, out of the sqlite file.
-
-    Where a run broke off while it wrote, SQLite takes its half change back, and has to write.
-    """
-    name = (model_name(machine),)
-    uri = f"file:{quote(str(database.resolve()))}?mode={mode}"
-    try:
-        with closing(sqlite3.connect(uri, uri=True)) as store:
-            tables = {row[0] for row in store.execute("SELECT name FROM sqlite_master")}
-            if "model_version_tags" not in tables:
-                return {}, {}
-            numbers = store.execute(
-                "SELECT version, creation_time, run_id FROM model_versions"
-                " WHERE name = ? AND current_stage != 'Deleted_Internal'", name,
-            ).fetchall()  # fmt: skip
-            found: Tags = {
-                number: {CREATED: str(created), RUN: run or ""} for number, created, run in numbers
-            }
-            for number, key, value in store.execute(
-                "SELECT version, key, value FROM model_version_tags WHERE name = ?", name
-            ):
-                found.get(number, {})[key] = value
-            aliases = dict(store.execute(
-                "SELECT alias, version FROM registered_model_aliases WHERE name = ?", name
-            ).fetchall())  # fmt: skip
-    except sqlite3.Error as error:
-        if mode == "ro" and error.sqlite_errorname.startswith("SQLITE_READONLY"):
-            return _read(machine, database, "rw")
-        raise ValueError(f"the registry sqlite:///{database} cannot be opened: {error}") from error
-    return found, aliases
-
-
-def _of_server(machine: str, root: Path) -> tuple[Tags, dict[str, int]]:
-    """Tags by version, and versions by alias, out of a server."""
+    name = model_name(machine)
+    if not is_server():
+        return read_versions(machine, name, root / DATABASE)
     client = client_of(root)
     with reached("read", "do this again when it answers"):
-        found = client.search_model_versions(f"name='{model_name(machine)}'")
-        if not found:
-            return {}, {}
-        aliases = client.get_registered_model(model_name(machine)).aliases
-    return (
-        {
-            int(v.version): dict(v.tags) | {CREATED: str(v.creation_timestamp), RUN: v.run_id or ""}
-            for v in found
-        },
-        {alias: int(number) for alias, number in aliases.items()},
-    )
+        found = client.search_model_versions(f"name='{name}'")
+        aliases = client.get_registered_model(name).aliases if found else {}
+    numbers = {alias: int(number) for alias, number in aliases.items()}
+    return [
+        version_of(machine, int(v.version), dict(v.tags), numbers, v.creation_timestamp,
+                   run=v.run_id, description=v.description)
+        for v in sorted(found, key=lambda one: int(one.version))
+    ]  # fmt: skip
+
+
+def note(machine: str, root: Path, changes: Note) -> None:
+    """Write changes of a machine's versions into the store; ValueError where that is not possible.
+
+    A file is written at once; on a server, and into tables of another release, by MLflow.
+    """
+    name, number = model_name(machine), str(changes.version)
+    if not is_server() and write_note(changes, name, root / DATABASE):
+        return
+    client = client_of(root)
+    from mlflow.entities import Metric
+
+    with reached("written"):
+        for alias, version in changes.aliases.items():
+            if version is None:
+                client.delete_registered_model_alias(name, alias)
+            else:
+                client.set_registered_model_alias(name, alias, str(version))
+        for tag, value in changes.tags.items():
+            client.set_model_version_tag(name, number, tag, value)
+        if changes.description:
+            client.update_model_version(name, number, changes.description)
+        if changes.card:
+            client.update_registered_model(name, changes.card)
+        if changes.metrics:
+            metrics = [Metric(key, value, 0, 0) for key, value in changes.metrics.items()]
+            client.log_batch(changes.run, metrics=metrics)
+        for path, text in changes.files.items():
+            client.log_text(changes.run, text, path)
 
 
 def client_of(root: Path) -> "MlflowClient":
@@ -172,8 +170,7 @@ def client_of(root: Path) -> "MlflowClient":
             with suppress(OSError):  # MLflow makes a folder of the name that is still escaped
                 os.removedirs(Path(escaped).parent)
     except (mlflow.MlflowException, SQLAlchemyError) as error:
-        said = (str(error).splitlines() or [""])[0]
-        raise ValueError(f"the registry {uri} cannot be opened: {said}") from error
+        raise ValueError(f"the registry {uri} cannot be opened: {_plain(error)}") from error
     return client
 
 
@@ -209,44 +206,30 @@ def made_by_another() -> Iterator[None]:
             raise
 
 
-def name_versions(machine: str, root: Path, **wanted: str | None) -> None:
+def name_versions(
+    machine: str, root: Path, serves: Champion | None = None, **wanted: str | None
+) -> None:
     """Give each alias to the version with a bundle's hash; None takes the alias away.
 
-    A hash that the store does not have is left out.  Raises ValueError when the store cannot be
-    opened or written.
+    What serves gets the alias ``champion`` and tags since when, by whom and why, and its card
+    becomes the model's.  A hash that the store does not have is left out.  Raises ValueError when
+    the store cannot be opened or written.
     """
     known = versions(machine, root)
+    if serves is not None:
+        wanted["champion"] = serves.bundle
     numbers = {v.bundle: v.version for v in reversed(known)}
     now = {alias: v.version for v in known for alias in v.aliases}
     goals = {alias: numbers.get(sha256) if sha256 else None for alias, sha256 in wanted.items()}
-    changed = {alias: number for alias, number in goals.items() if number != now.get(alias)}
-    if not changed:
-        return
-    client, name = client_of(root), model_name(machine)
-    with reached("written"):
-        for alias, number in changed.items():
-            if number is None:
-                client.delete_registered_model_alias(name, alias)
-            else:
-                client.set_registered_model_alias(name, alias, str(number))
-
-
-def note_promotion(machine: str, root: Path, champion: Champion) -> None:
-    """Note since when, by whom and why a version serves; its card becomes the model's.
-
-    Raises ValueError when the store cannot be opened or written.
-    """
-    found = [v for v in versions(machine, root) if v.bundle == champion.bundle]
-    wanted = {"promoted_at": champion.since, "promoted_by": champion.by,
-              "promoted_why": champion.why}  # fmt: skip
-    if not found or all(found[0].tags.get(tag, "") == value for tag, value in wanted.items()):
-        return
-    client, name, number = client_of(root), model_name(machine), str(found[0].version)
-    with reached("written"):
-        card = client.get_model_version(name, number).description or ""
-        client.update_registered_model(name, card)
-        for tag, value in wanted.items():
-            client.set_model_version_tag(name, number, tag, value)
+    changes = Note(aliases={alias: n for alias, n in goals.items() if n != now.get(alias)})
+    for one in known:
+        if serves is not None and one.version == goals["champion"]:
+            tags = {"promoted_at": serves.since, "promoted_by": serves.by,
+                    "promoted_why": serves.why}  # fmt: skip
+            if any(one.tags.get(tag, "") != value for tag, value in tags.items()):
+                changes = replace(changes, version=one.version, tags=tags, card=one.description)
+    if changes != Note():
+        note(machine, root, changes)
 
 
 @contextmanager
@@ -259,7 +242,6 @@ def reached(done: str, remedy: str = "make room for it and do this again") -> It
     try:
         yield
     except (mlflow.MlflowException, RequestException, SQLAlchemyError) as error:
-        said = (str(error).splitlines() or [""])[0]
         raise ValueError(
-            f"the registry {mlflow.get_tracking_uri()} cannot be {done} ({said}): {remedy}"
+            f"the registry {mlflow.get_tracking_uri()} cannot be {done} ({_plain(error)}): {remedy}"
         ) from error

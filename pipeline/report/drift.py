@@ -1,7 +1,6 @@
 """Drift of what serves, on the page of a machine: last nights, error budget spent, what to do."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 from pipeline.charts.numbers import NARROW
 from pipeline.charts.sections import Action, Role, Section, present
@@ -9,7 +8,7 @@ from pipeline.charts.tables import Cell, Column, sources, tabulated
 from pipeline.report.facts import NOW, ActionRow, MachineFacts
 from pipeline.report.texts import Texts
 from pipeline.schema.days import is_day
-from pipeline.schema.ledger import PERIOD_NIGHTS, Night, asks, latest, serving, spent
+from pipeline.schema.ledger import PERIOD_NIGHTS, Night, asks, latest, spent
 
 SHOWN = 7
 """Nights of a target that the table shows."""
@@ -23,26 +22,17 @@ STATUS = {"within": "passed", "over": "failed", "no records": "attention"}
 """Colour of a night by its result."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Line:
-    """Last nights of one target, the latest last, and the share of its budget that is spent."""
-
-    title: str
-    nights: tuple[Night, ...]
-    spent: float | None
-
-
 def drift_section(facts: MachineFacts, say: Texts) -> Section | None:
     """The state in one sentence, then a line for each quantity; None where no night was scored."""
-    lines = _lines(facts, say)
     if not facts.nights:
         return None
+    lines = _lines(facts)
     made = sources(facts.shelf, *([facts.folders.ledger] if facts.folders.ledger else []))
     return Section(
         key="drift",
         title=say("drift.title"),
         text=list(_sentences(facts, lines, say)),
-        blocks=present(tabulated(say("drift.table"), lines, _columns(say), made)),
+        blocks=present(tabulated(say("drift.table"), lines, _columns(facts, say), made)),
     )
 
 
@@ -50,7 +40,7 @@ def drift_actions(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
     """What the nights ask for."""
     for one in asks(facts.nights):
         why = say(
-            "drift.why", rule=say.given(one.rule), night=_night(one, say),
+            "drift.why", rule=say.given(one.rule), night=_night(one.night, say),
             words=say.given(one.words),
         )  # fmt: skip
         yield ActionRow(
@@ -62,16 +52,16 @@ def drift_actions(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
         )  # fmt: skip
 
 
-def _sentences(facts: MachineFacts, lines: list[Line], say: Texts) -> Iterator[str]:
+def _sentences(facts: MachineFacts, lines: list[list[Night]], say: Texts) -> Iterator[str]:
     open_ = asks(facts.nights)
     for one in open_:
         yield say("drift.asks", title=_title(facts, one, say), work=_work(one, say),
-                  night=_night(one, say))  # fmt: skip
+                  night=_night(one.since, say))  # fmt: skip
     if not lines:
         yield say("drift.none")
     elif not open_:
-        most = max((line.spent or 0.0 for line in lines), default=0.0)
-        newest = max((line.nights[-1] for line in lines), key=lambda one: one.night)
+        most = max(spent(nights) or 0.0 for nights in lines)
+        newest = max(nights[-1].night for nights in lines)
         yield say("drift.quiet", night=_night(newest, say), spent=_percent(most, say),
                   nights=PERIOD_NIGHTS)  # fmt: skip
 
@@ -89,44 +79,36 @@ def _title(facts: MachineFacts, one: Night, say: Texts) -> str:
     return facts.titles([one.submodel], say.given)
 
 
-def _night(one: Night, say: Texts) -> str:
-    return say.day(one.night, year=True) if is_day(one.night) else one.night
+def _night(night: str, say: Texts) -> str:
+    return say.day(night, year=True) if is_day(night) else night
 
 
-def _lines(facts: MachineFacts, say: Texts) -> list[Line]:
+def _lines(facts: MachineFacts) -> list[list[Night]]:
+    """Last nights of each target, the latest last."""
     by_target: dict[tuple[str, str, str], list[Night]] = {}
-    for one in latest(serving(facts.nights)):
+    for one in latest(facts.nights):
         if one.result != "not scored":
             by_target.setdefault(one.target, []).append(one)
-    found = []
-    for nights in by_target.values():
-        last = nights[-1]
-        parts = [_title(facts, last, say), say.given(last.quantity.replace("_", " ")),
-                 say.given(last.regime)]  # fmt: skip
-        found.append(
-            Line(title=", ".join(dict.fromkeys(p for p in parts if p)), nights=tuple(nights),
-                 spent=spent(nights))
-        )  # fmt: skip
-    return found
+    return list(by_target.values())
 
 
-def _columns(say: Texts) -> tuple[Column[Line], ...]:
-    def shares(line: Line) -> str:
-        return " · ".join(_percent(one.share, say) for one in line.nights[-SHOWN:])
+def _columns(facts: MachineFacts, say: Texts) -> tuple[Column[list[Night]], ...]:
+    def name(nights: list[Night]) -> str:
+        one = nights[-1]
+        parts = [_title(facts, one, say), say.given(one.quantity.replace("_", " ")),
+                 say.given(one.regime)]  # fmt: skip
+        return ", ".join(dict.fromkeys(part for part in parts if part))
+
+    def result(nights: list[Night]) -> Cell:
+        text = say(f"drift.{nights[-1].result.replace(' ', '_')}")
+        return Cell(text=text, status=STATUS[nights[-1].result])
 
     return (
-        Column(say("drift.quantity"), lambda line: line.title),
-        Column(say("drift.night"), lambda line: _night(line.nights[-1], say)),
-        Column(say("drift.shares"), shares),
-        Column(
-            say("drift.spent", nights=PERIOD_NIGHTS),
-            lambda line: _percent(line.spent, say), "",
-        ),
-        Column(
-            say("drift.result"),
-            lambda line: Cell(
-                text=say(f"drift.{line.nights[-1].result.replace(' ', '_')}"),
-                status=STATUS[line.nights[-1].result],
-            ),
-        ),
+        Column(say("drift.quantity"), name),
+        Column(say("drift.night"), lambda nights: _night(nights[-1].night, say)),
+        Column(say("drift.shares"), lambda nights: " · ".join(
+            _percent(one.share, say) for one in nights[-SHOWN:])),
+        Column(say("drift.spent", nights=PERIOD_NIGHTS),
+               lambda nights: _percent(spent(nights), say), ""),
+        Column(say("drift.result"), result),
     )  # fmt: skip

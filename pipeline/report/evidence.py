@@ -221,9 +221,9 @@ def _life_page(facts: MachineFacts) -> list[EvidencePage]:
     life = life_of(facts)
     if life is None:
         return []
-    state = StateLine(status=life.status, word=life.word, sentences=life.sentences)
-    return [EvidencePage(subject=LIFE, title="Life of the model", state=state,
-                         notes=life.notes, sections=life.sections)]  # fmt: skip
+    (status, word, sentences), sections = life
+    state = StateLine(status=status, word=word, sentences=sentences)
+    return [EvidencePage(subject=LIFE, title="Life of the model", state=state, sections=sections)]
 
 
 def _records_page(facts: MachineFacts, changed: Section, notes: list[str]) -> EvidencePage:

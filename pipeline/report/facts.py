@@ -13,7 +13,7 @@ from pipeline.charts.sections import Action, PartVerdict, SubModelPage
 from pipeline.charts.sources import SourceRegistry, picked, shown
 from pipeline.charts.submodel_page import PageContent, Subject, submodel_page
 from pipeline.report.alarms import Alarms, machine_alarms
-from pipeline.report.folders import MachineFolders, program_pages
+from pipeline.report.folders import CHOICES, MachineFolders, program_pages
 from pipeline.report.part_programs import MODELS, PartPrograms, part_programs
 from pipeline.report.programs.simulated import Program, program_of, simulated_programs
 from pipeline.report.records import Changed, RecordsRead, records_read
@@ -21,7 +21,9 @@ from pipeline.report.texts import Texts
 from pipeline.report.work import Work, work
 from pipeline.schema.bundle import BUNDLE, Bundle, model_hash
 from pipeline.schema.golden import Days, GoldenSets
+from pipeline.schema.history import Entry, read_history
 from pipeline.schema.ledger import Night, read_ledger
+from pipeline.schema.ledger import serving as of_serving
 from pipeline.schema.model import Model
 from pipeline.schema.program_cut import AS_WRITTEN, CutProgram
 from pipeline.schema.si import DAY
@@ -42,12 +44,6 @@ class ActionRow:
     action: Action
     href: str = ""
     english: tuple[str, ...] = ()
-
-    @property
-    def shown(self) -> tuple[str, ...]:
-        """Action, place, reason and deadline of the row, as they were contributed."""
-        one = self.action
-        return (one.what, one.where, one.why, one.until)
 
     def until(self, say: Texts) -> str:
         """Deadline, in words."""
@@ -183,6 +179,10 @@ class Serving:
     """Bundle that serves."""
     older: tuple[str, ...]
     """Sub-models of which the champion and the latest are not the same model."""
+    history: tuple[Entry, ...] = ()
+    """Who served when; empty where nobody has chosen yet, or it cannot be read."""
+    broken: str = ""
+    """Why the history cannot be read."""
 
 
 def serving(
@@ -199,7 +199,14 @@ def serving(
     champion = {name: one.sha256 for name, one in bundle.submodels.items()}
     names = dict.fromkeys([*(one.name for one in parts), *champion])
     older = tuple(name for name in names if latest.get(name) != champion.get(name))
-    return Serving(path=path, bundle=bundle, older=older)
+    history: tuple[Entry, ...] = ()
+    broken = ""
+    if folders.history is not None and shelf.text(folders.history, CHOICES) is not None:
+        try:
+            history = read_history(folders.history)
+        except StoreError as error:
+            broken = f"The history of what serves cannot be read: {error}."
+    return Serving(path=path, bundle=bundle, older=older, history=history, broken=broken)
 
 
 REMOVED_A_DAY = 50
@@ -329,6 +336,7 @@ def machine_facts(folders: MachineFolders) -> MachineFacts:
     scores = [score for one in models if one.judged is not None for score in one.judged.scores]
     second = any(score.quantity.startswith("second_") for score in scores)
     programs, parts = simulated_programs(folders.programs, shelf), part_programs(folders, shelf)
+    serves = serving(folders, shelf, models)
     return MachineFacts(
         folders=folders,
         shelf=shelf,
@@ -340,20 +348,22 @@ def machine_facts(folders: MachineFolders) -> MachineFacts:
         parts=parts,
         written=written_programs(parts, programs, shelf),
         golden=golden,
-        serving=serving(folders, shelf, models),
+        serving=serves,
         truth=truth,
         day_uses=_day_uses(models, golden),
         absent=absent_items(folders, shelf),
         logged=logged_signals(folders),
-        nights=_nights(folders, shelf),
+        nights=_nights(folders, shelf, serves),
     )
 
 
-def _nights(folders: MachineFolders, shelf: SourceRegistry) -> tuple[Night, ...]:
-    if folders.ledger is None:
+def _nights(
+    folders: MachineFolders, shelf: SourceRegistry, serves: Serving | None
+) -> tuple[Night, ...]:
+    if folders.ledger is None or serves is None:
         return ()
     try:
-        return read_ledger(folders.ledger)
+        return of_serving(read_ledger(folders.ledger), serves.bundle)
     except StoreError as error:
         shelf.broken[shown(folders.ledger)] = str(error)
         return ()

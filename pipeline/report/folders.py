@@ -94,6 +94,8 @@ class FleetInfo:
 
 PROGRAMS = "programs"
 """Page of part programs: as they run, optimised, corrected."""
+CHOICES = "promotions and rollbacks"
+"""Work that writes histories and decisions."""
 RECORDS = "records"
 """Page of what was read: work, alarms, records, truth, provenance."""
 

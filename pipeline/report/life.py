@@ -1,24 +1,25 @@
 """Page of a model's life: what serves, what was decided, by which rules, who said so."""
 
 import re
-from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.charts.numbers import moment
 from pipeline.charts.sections import Section, present
 from pipeline.charts.tables import Cell, Column, Table, code, sources, tabulated
+from pipeline.report.folders import CHOICES
 from pipeline.schema.decision import RULES, Compared, Decision, Result, Rule
-from pipeline.schema.history import Entry, instant, looks, read_history, served, served_until
-from pipeline.schema.store import StoreError
+from pipeline.schema.history import Entry, document_of, instant, looks, served, served_until
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pipeline.report.facts import MachineFacts, Status
+    from pipeline.report.facts import MachineFacts, Serving, Status
+
+    State = tuple[Status, str, list[str]]
 
 LIFE = "life"
 """Subject of the page."""
-MADE_FROM = "promotions and rollbacks"
 BROKEN = re.compile(r"rule '([^']+)' is ")
 """Rules in the words of an entry."""
 SIGNS: "Mapping[Result, str]" = {
@@ -28,56 +29,29 @@ SIGNS: "Mapping[Result, str]" = {
 AGAINST = {"better": "passed", "worse": "failed", "equal": "unknown", "not decided": "unknown"}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Life:
-    """The page's content."""
-
-    status: "Status"
-    word: str
-    sentences: list[str]
-    """State of what serves."""
-    sections: list[Section]
-    notes: list[str]
-
-
-def life_of(facts: "MachineFacts") -> Life | None:
-    """Page of a machine; None where nothing serves."""
+def life_of(facts: "MachineFacts") -> "tuple[State, list[Section]] | None":
+    """State and sections of a machine's page; None where nothing serves."""
     if facts.serving is None:
         return None
-    entries, broken = _entries(facts)
+    entries = facts.serving.history
     decisions = {e.number: d for e in entries if (d := _decision(facts, e)) is not None}
     sections = [_history_section(facts, entries)]
     if decisions:
         last = max(decisions)
         sections.append(_decision_section(facts, entries[last - 1], decisions[last]))
-    status, word, sentences = _state(facts, entries)
-    return Life(status=status, word=word, sentences=sentences, sections=sections, notes=broken)
-
-
-def _entries(facts: "MachineFacts") -> tuple[tuple[Entry, ...], list[str]]:
-    """The history, and why it cannot be read where it cannot."""
-    path = facts.folders.history
-    if path is None or facts.shelf.text(path, MADE_FROM) is None:
-        return (), []
-    try:
-        return read_history(path), []
-    except StoreError as error:
-        return (), [f"The history of what serves cannot be read: {error}."]
+    return _state(facts, facts.serving, entries), sections
 
 
 def _decision(facts: "MachineFacts", entry: Entry) -> Decision | None:
+    """Document of a decision, which a history that is read is held to."""
     if facts.folders.history is None or not entry.decision:
         return None
-    path = facts.folders.history.with_suffix("") / f"{entry.number:04d}.json"
-    found = facts.shelf.read(path, Decision, MADE_FROM)
-    source = facts.shelf.source(path)
-    return found if source is not None and source.sha256 == entry.decision else None
+    return facts.shelf.read(document_of(facts.folders.history, entry), Decision, CHOICES)
 
 
-def _state(facts: "MachineFacts", entries: tuple[Entry, ...]) -> "tuple[Status, str, list[str]]":
-    """What serves since when by whom, and what does not serve."""
-    bundle = facts.serving.bundle if facts.serving is not None else None
-    statuses = {} if bundle is None else {n: one.status for n, one in bundle.submodels.items()}
+def _state(facts: "MachineFacts", held: "Serving", entries: tuple[Entry, ...]) -> "State":
+    """What serves since when by whom, against which rules, and what does not serve."""
+    statuses = {name: one.status for name, one in held.bundle.submodels.items()}
     serving = served(entries)
     if serving:
         last = serving[-1]
@@ -85,7 +59,7 @@ def _state(facts: "MachineFacts", entries: tuple[Entry, ...]) -> "tuple[Status, 
         since = _at(last.at) if last.at else "it was registered"
         first = f"Version {last.version} serves since {since}; "
         first += f"{last.event} by {last.by}: {last.why}."
-        anyway = " It serves against the rules." if last.anyway else ""
+        anyway = f" It serves against the rules: {last.rules}." if last.anyway else ""
     else:
         does = tuple(n for n, status in statuses.items() if status == "passed")
         first, anyway = "The first bundle serves; nobody has promoted another yet.", ""
@@ -94,7 +68,8 @@ def _state(facts: "MachineFacts", entries: tuple[Entry, ...]) -> "tuple[Status, 
     if idle:
         said += f" Without: {', '.join(idle)}."
     status: Status = "attention" if anyway or idle else "passed"
-    return status, "serves" if does else "does not serve", [first + anyway, said]
+    broken = [held.broken] if held.broken else []
+    return status, "serves" if does else "does not serve", [first + anyway, said, *broken]
 
 
 def _history_section(facts: "MachineFacts", entries: tuple[Entry, ...]) -> Section:
@@ -143,10 +118,9 @@ def _event(entry: Entry) -> Cell:
 
 
 def _decision_section(facts: "MachineFacts", entry: Entry, decision: Decision) -> Section:
-    path = (facts.folders.history or facts.folders.models).with_suffix("")
-    used = sources(facts.shelf, path / f"{entry.number:04d}.json")
+    used = sources(facts.shelf, document_of(facts.folders.history or Path(), entry))
     may = "may serve" if decision.may_serve else "may not serve"
-    if decision.anyway and not decision.may_serve:
+    if decision.overridden:
         may = "may not serve by the rules, and was promoted all the same,"
     changed = facts.titles(list(decision.changed)) if decision.changed else "no sub-model"
     text = (

@@ -68,12 +68,6 @@ class FleetRow:
         """The action that comes first; None without any."""
         return next(iter(self.verdict.actions), None)
 
-    @property
-    def shown(self) -> tuple[str, ...]:
-        """Machine, states, number of actions and last record of the row."""
-        states = self.verdict.condition.word, self.verdict.twin.word
-        return (self.folders.name, *states, str(len(self.verdict.actions)), self.last)
-
 
 @dataclass(frozen=True, kw_only=True)
 class FleetGroup:

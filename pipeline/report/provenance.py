@@ -2,23 +2,18 @@
 
 A figure is a chart, a table or the group of key numbers.  Its title names, by twelve digits each,
 the data that it was computed from, the code, the settings and the model; the record beside the page
-has the whole: each figure's files with their hashes, and the values that it shows.  Neither holds a
-time or a commit, so that the same records give the same bytes; pages of commands, which nothing
-builds again, have the commit too.
+has the whole, and each figure's files.  Neither holds a time or a commit, so that the same records
+give the same bytes; pages of commands, which nothing builds again, have the commit too.
 """
 
-import hashlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 from markupsafe import Markup
 
-from pipeline.charts.numbers import as_read
-from pipeline.charts.sections import Block, Figure, Figures, Listing, Section
+from pipeline.charts.sections import Block, Figure, Figures, Section
 from pipeline.charts.sources import Source, hash_of_files
-from pipeline.charts.tables import Table
 from pipeline.schema.store import write_json, write_text
 
 RECORD = ".figures.json"
@@ -27,19 +22,6 @@ SHORT = 12
 """Digits of a hash in a title."""
 ALL = "*"
 """Name for every file of a page, in the record of a figure."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ShownFigure:
-    """A figure of a page: its identifier there, its files, and what it shows.
-
-    ``values`` are the cells of a table by rows, the names and values of key numbers, or the caption
-    of a drawing and the hash of its lines.
-    """
-
-    id: str
-    files: tuple[str, ...]
-    values: tuple[tuple[str, ...], ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +57,8 @@ class PageRecord:
     made: Made
     files: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of each file by its path."""
-    figures: tuple[ShownFigure, ...] = ()
+    figures: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Files of each figure by its identifier on the page."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,30 +89,31 @@ class Trace:
 
     def __init__(self, say: Callable[..., str]) -> None:
         self.say = say
-        self.made = UNKNOWN
-        self.figures: list[ShownFigure] = []
-        self.used: dict[str, Source] = {}
-        self.titles: dict[tuple[str, ...], Markup] = {}
+        self.begin(UNKNOWN)
 
     def begin(self, made: Made) -> None:
         """Begin a page."""
-        self.made, self.figures, self.used, self.titles = made, [], {}, {}
+        self.made = made
+        self.figures: dict[str, tuple[str, ...]] = {}
+        self.used: dict[str, Source] = {}
+        self.titles: dict[tuple[str, ...], Markup] = {}
 
-    def __call__(self, at: str, shown: Any, sources: Sequence[Source] = ()) -> Markup:
+    def __call__(self, at: str, sources: Iterable[Source] = ()) -> Markup:
         """Note a figure with its identifier on the page; its title as an attribute of HTML."""
-        own = single(getattr(shown, "sources", sources))
+        own = single(sources)
         key = tuple(one.path for one in own)
         if key not in self.titles:
             self.titles[key] = self._title(own or self.made.files)
         self.used |= {one.path: one for one in own or self.made.files}
-        self.figures.append(ShownFigure(id=at, files=key or (ALL,), values=values_of(shown)))
+        self.figures[at] = key or (ALL,)
         return self.titles[key]
 
     def _title(self, files: Sequence[Source]) -> Markup:
         made = self.made
+        data = files[0].sha256 if len(files) == 1 else hash_of_files(("", f.sha256) for f in files)
         words = ", ".join(
             self.say(f"page.hash_{name}", hash=value[:SHORT])
-            for name, value in (("data", _data_hash(files)), ("code", made.code),
+            for name, value in (("data", data if files else ""), ("code", made.code),
                                 ("settings", made.settings), ("model", made.model))
             if value
         )  # fmt: skip
@@ -140,34 +124,12 @@ class Trace:
         """Record of the page as it was rendered."""
         files = {path: one.sha256 for path, one in sorted(self.used.items())}
         made = replace(self.made, files=())
-        return PageRecord(page=page, made=made, files=files, figures=tuple(self.figures))
+        return PageRecord(page=page, made=made, files=files, figures=self.figures)
 
 
 def single(sources: Iterable[Source]) -> list[Source]:
     """Files behind sources, those that are named together one by one."""
     return [one for source in sources for one in source.files or (source,) if one.sha256]
-
-
-def _data_hash(files: Sequence[Source]) -> str:
-    if len(files) == 1:
-        return files[0].sha256
-    return hash_of_files(("", one.sha256) for one in files) if files else ""
-
-
-def values_of(shown: Any) -> tuple[tuple[str, ...], ...]:
-    """Values that a figure shows, as its reader meets them."""
-    if isinstance(shown, Table):
-        heads = tuple(as_read(head.label) for head in shown.heads)
-        return heads, *(tuple(as_read(cell.text) for cell in row) for row in shown.rows)
-    if isinstance(shown, Figure):
-        return ((as_read(shown.caption), _short(shown.svg)),)
-    if isinstance(shown, Listing):
-        return tuple((str(one.number), str(one.before), str(one.after)) for one in shown.lines)
-    return tuple(tuple(as_read(str(cell)) for cell in row) for row in shown)
-
-
-def _short(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()[:SHORT]
 
 
 def files_of(sections: Iterable[Section]) -> tuple[Source, ...]:

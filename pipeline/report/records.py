@@ -27,7 +27,7 @@ RAW = "the machine’s raw files"
 RULES = {
     "zero": "0 between good values",
     "jump": "a change faster than physics",
-    "out_of_range": "outside of what is physical",
+    "out_of_range": "outside of what is physical, or of what the machine reaches",
     "counter": "a counter that does not fit its neighbours",
     "not_a_number": "a word where a number belongs",
 }

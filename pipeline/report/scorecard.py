@@ -135,12 +135,6 @@ class Line:
     figure: Counts
     href: str
 
-    @property
-    def shown(self) -> tuple[str, ...]:
-        """Cells of the row."""
-        one = self.figure
-        return (self.title, self.word, one.what, one.value, one.limit, one.baseline, one.interval)
-
 
 def scorecard(machine: str, models: Sequence[ModelledPart], say: Texts) -> list[Line]:
     """Rows of the sub-models of a machine, in the order of the fleet."""

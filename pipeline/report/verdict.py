@@ -28,6 +28,7 @@ from pipeline.report.records import WHOLE, Gap
 from pipeline.report.scorecard import counting_figure
 from pipeline.report.texts import ENGLISH, Texts
 from pipeline.schema.days import day_of
+from pipeline.schema.history import served
 
 STOP, REPORT, USE, OPEN = "stop", "report", "use", "open"
 """Deadlines beside :data:`NOW`, by their key in the texts."""
@@ -430,10 +431,13 @@ def machine_notes(facts: MachineFacts, say: Texts = ENGLISH) -> list[str]:
 
 
 def _serving(facts: MachineFacts, say: Texts) -> list[str]:
-    """Sub-models of the champion that failed or were not judged."""
+    """Version that serves by its history, and sub-models of it that failed or were not judged."""
     if facts.serving is None:
         return []
     said = []
+    for last in served(facts.serving.history)[-1:]:
+        key = "note.serves_anyway" if last.anyway else "note.serves"
+        said.append(say(key, version=last.version, since=last.at[:10]))
     for status in ("failed", "not decided", "not judged"):
         names = [n for n, one in facts.serving.bundle.submodels.items() if one.status == status]
         if names:

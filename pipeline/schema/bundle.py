@@ -9,6 +9,7 @@ import json
 import shutil
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -103,10 +104,14 @@ class Champions:
     """The content of ``champions.json``: what serves at present, as the histories say it."""
 
     machines: Mapping[str, Champion] = field(default_factory=dict)
+    histories: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 of the last entry of each machine's history."""
 
-    def promoted(self, machine: str, champion: Champion) -> "Champions":
+    def promoted(self, machine: str, champion: Champion, last: str = "") -> "Champions":
         """These champions with one machine's replaced, in the order of the machines' names."""
-        return Champions(machines=dict(sorted({**self.machines, machine: champion}.items())))
+        lasts = self.histories if not last else {**self.histories, machine: last}
+        return Champions(machines=dict(sorted({**self.machines, machine: champion}.items())),
+                         histories=dict(sorted(lasts.items())))  # fmt: skip
 
 
 def read_champions(path: Path) -> Champions:
@@ -147,18 +152,42 @@ def bundle_of(folder: Path, machine: str, names: Iterable[str]) -> Bundle:
     digest = hashlib.sha256(machine.encode())
     for name in sorted(names):
         content(folder / name / MODEL)
-        verdict = read_json(folder / name / VERDICT, Verdict)
-        if (verdict.machine, verdict.submodel) != (machine, name):
-            raise StoreError(
-                f"{folder / name / VERDICT} is the verdict of {verdict.machine}'s "
-                f"{verdict.submodel}, not of {machine}'s {name}: run `dvc repro`"
-            )
-        one = BundledModel(sha256=model_hash(folder / name), status=verdict.status)
+        one, origin = _hashed(folder / name, machine, name, _stamps(folder / name))
         digest.update(f"\0{name}\0{one.sha256}\0{one.status}".encode())
         submodels[name] = one
-        origins.add(verdict.origin)
+        origins.add(origin)
     origin = " and ".join(sorted(origins))
     return Bundle(machine=machine, origin=origin, submodels=submodels, sha256=digest.hexdigest())
+
+
+def _stamps(folder: Path) -> tuple[tuple[str, int, int, int, int], ...]:
+    """Names of a folder's files with what changes when one is written."""
+    return tuple(
+        (path.as_posix(), known.st_ino, known.st_size, known.st_mtime_ns, known.st_ctime_ns)
+        for path in sorted(folder.rglob("*")) if path.is_file() and (known := path.stat())
+    )  # fmt: skip
+
+
+@cache
+def _hashed(folder: Path, machine: str, name: str, stamps: object) -> tuple[BundledModel, str]:
+    """A sub-model of a bundle and its origin, once for the same ``stamps`` of its files."""
+    path = folder / VERDICT
+    try:
+        verdict = _verdict(content(path))
+    except StoreError:
+        verdict = read_json(path, Verdict)  # says where
+    if (verdict.machine, verdict.submodel) != (machine, name):
+        raise StoreError(
+            f"{path} is the verdict of {verdict.machine}'s {verdict.submodel}, not of {machine}'s "
+            f"{name}: run `dvc repro`"
+        )
+    return BundledModel(sha256=model_hash(folder), status=verdict.status), verdict.origin
+
+
+@cache
+def _verdict(text: bytes) -> Verdict:
+    """A verdict, once for the same bytes: of champion and challenger most are the same."""
+    return parsed(text, Verdict, VERDICT)
 
 
 def stored_bundle(folder: Path, machine: str) -> Bundle | None:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from pipeline.schema.ranges import NotNegative, Ranged
 from pipeline.schema.verdict import Status
 
 RuleName = Literal[
@@ -28,6 +29,18 @@ RULES: Mapping[RuleName, str] = {
     "sealed": "neither fails nor is worse on the sealed set",
 }
 """Rules, in words that follow "the challenger"."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PromotionSettings(Ranged, section="promotion"):
+    """Tolerances of a promotion, and how long the one before stays warm."""
+
+    tolerance: NotNegative = 0.05
+    """Greatest rise of the mean absolute error of any target over the champion's [1]."""
+    group_tolerance: NotNegative = 0.5
+    """Greatest rise in a single group (day, recording, tool), over the champion's mean [1]."""
+    warm_hours: NotNegative = 48.0
+    """Time for which the one before can be taken back at once and cannot be deleted [h]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,6 +139,11 @@ class Decision:
     def promoted(self) -> bool:
         """Whether it serves: the rules let it, or somebody said anyway."""
         return self.may_serve or self.anyway
+
+    @property
+    def overridden(self) -> bool:
+        """Whether it serves against the rules."""
+        return self.anyway and not self.may_serve
 
     @property
     def objections(self) -> str:

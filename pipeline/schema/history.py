@@ -4,14 +4,13 @@ It answers who served at a time, since when, by whom and why; git holds it.
 """
 
 import hashlib
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Literal
 
-from pipeline.schema.store import StoreError, content, parsed, unstructured, write_text
+from pipeline.schema.store import StoreError, content, json_line, read_lines, write_text
 
 Event = Literal["first", "promoted", "rolled back", "refused", "deleted"]
 SERVING = ("first", "promoted", "rolled back")
@@ -47,9 +46,15 @@ class Entry:
     """SHA-256 of the entry before this one; empty for the first."""
 
     @property
+    def reason(self) -> str:
+        """Why, with what spoke against it."""
+        against = f"anyway: {self.rules}" if self.anyway else self.rules
+        return "; ".join(filter(None, (self.why, against)))
+
+    @property
     def line(self) -> str:
         """The entry as one line of JSON."""
-        return json.dumps(unstructured(self), ensure_ascii=False, allow_nan=False)
+        return json_line(self)
 
     @property
     def sha256(self) -> str:
@@ -57,24 +62,37 @@ class Entry:
         return hashlib.sha256(self.line.encode()).hexdigest()
 
 
-def read_history(path: Path) -> tuple[Entry, ...]:
+def read_history(path: Path, last: str = "") -> tuple[Entry, ...]:
     """Entries of ``data/history/<machine>.jsonl``, none where there is no such file.
 
-    Raises StoreError where a line is none, or does not follow the one before.
+    ``last`` is the hash of an entry that has to be there, as champions.json names it.  Raises
+    StoreError where that is not so, a line does not follow the one before, or the document of a
+    decision is not the one that its entry names.
     """
-    if not path.exists():
-        return ()
-    remedy = f"restore it with `git checkout {path.as_posix()}`"
+    documents = path.with_suffix("").as_posix()
+    remedy = f"restore it with `git checkout champions.json {path.as_posix()} {documents}`"
     found: list[Entry] = []
-    for number, line in enumerate(content(path, remedy).splitlines(), start=1):
-        entry = parsed(line, Entry, f"{path}, line {number}", remedy)
+    for entry, where in read_lines(path, Entry, remedy):
         if not follows(entry, found):
             raise StoreError(
-                f"{path}, line {number} does not follow the line before, whose sha256 it does not "
-                f"name: {remedy}"
+                f"{where} does not follow the line before, whose sha256 it does not name: {remedy}"
             )
+        document = document_of(path, entry)
+        held = content(document, remedy) if entry.decision and document.exists() else None
+        if held is not None and hashlib.sha256(held).hexdigest() != entry.decision:
+            raise StoreError(f"{document} is not the decision that {where} names: {remedy}")
         found.append(entry)
+    if last and last not in {one.sha256 for one in found}:
+        raise StoreError(
+            f"{path} lacks the entry {last[:12]}, the last one by champions.json; it was changed "
+            f"or taken out: {remedy}"
+        )
     return tuple(found)
+
+
+def document_of(path: Path, entry: Entry) -> Path:
+    """File of the decision of an entry, beside the history ``path``."""
+    return path.with_suffix("") / f"{entry.number:04d}.json"
 
 
 def write_history(entries: Iterable[Entry], path: Path) -> None:
@@ -102,6 +120,20 @@ def served(entries: Iterable[Entry]) -> list[Entry]:
     return [one for one in entries if one.event in SERVING]
 
 
+def standing(entries: Iterable[Entry]) -> list[Entry]:
+    """Entries back along which rollbacks go, oldest first; the last one serves.
+
+    A rollback takes off what has served since the version that it goes back to.
+    """
+    found: list[Entry] = []
+    for one in served(entries):
+        bundles = [other.bundle for other in found]
+        if one.event == "rolled back" and one.bundle in bundles:
+            del found[len(bundles) - 1 - bundles[::-1].index(one.bundle) :]
+        found.append(one)
+    return found
+
+
 def serving_at(entries: Iterable[Entry], moment: str) -> Entry | None:
     """Entry of what served at a moment, ``YYYY-MM-DDTHH:MM:SSZ``; None before the first."""
     return next((one for one in reversed(served(entries)) if one.at <= moment), None)
@@ -119,13 +151,10 @@ def looks(entries: Iterable[Entry], entry: Entry) -> int:
     return sum(bool(one.sealed) for one in entries if one.number <= entry.number)
 
 
-def left_at(entries: Iterable[Entry], bundle: str) -> str | None:
+def left_at(entries: Sequence[Entry], bundle: str) -> str | None:
     """Time at which a bundle served last, "" while it serves, None where it never did."""
-    serving = served(entries)
-    for one, after in zip(reversed(serving), [None, *reversed(serving)], strict=False):
-        if one.bundle == bundle:
-            return "" if after is None else after.at
-    return None
+    own = [one for one in served(entries) if one.bundle == bundle]
+    return served_until(entries, own[-1]) if own else None
 
 
 def hours_since(moment: str, now: str) -> float:

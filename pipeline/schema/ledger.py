@@ -4,13 +4,13 @@ A ledger only grows: a night that is scored again, since its records have grown,
 line, and the later one counts.
 """
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from pipeline.schema.store import StoreError, content, parsed, unstructured, write_text
+from pipeline.schema.bundle import Bundle
+from pipeline.schema.store import StoreError, json_line, read_lines, write_text
 
 Result = Literal["within", "over", "no records", "not scored"]
 """Result of a night: within the error budget, over it, too few records of a working day to score,
@@ -58,6 +58,8 @@ class Night:
     rule: str = ""
     """Rule that asks, in words; empty where none does."""
     ask: Ask = ""
+    since: str = ""
+    """First night of the ask, which stays open until the errors are back."""
     reason: Reason = ""
     words: str = ""
     """Reason and what to do, as a sentence."""
@@ -70,13 +72,8 @@ class Night:
 
 def read_ledger(path: Path) -> tuple[Night, ...]:
     """Nights in the order in which they were scored; none where there is no file."""
-    if not path.exists():
-        return ()
     remedy = f"restore it with `dvc checkout {path}`, or delete it and run `dvc repro`"
-    return tuple(
-        parsed(line, Night, f"{path}, line {number}", remedy)
-        for number, line in enumerate(content(path, remedy).splitlines(), start=1)
-    )
+    return tuple(night for night, _ in read_lines(path, Night, remedy))
 
 
 def write_ledger(nights: Iterable[Night], path: Path) -> None:
@@ -84,8 +81,7 @@ def write_ledger(nights: Iterable[Night], path: Path) -> None:
 
     Raises StoreError where the stored lines are not the first of the new ones.
     """
-    lines = [json.dumps(unstructured(one), allow_nan=False, ensure_ascii=False) for one in nights]
-    text = "".join(f"{line}\n" for line in lines)
+    text = "".join(f"{json_line(one)}\n" for one in nights)
     before = path.read_text(encoding="utf-8") if path.exists() else ""
     if not text.startswith(before):
         raise StoreError(f"{path} holds nights that the new ledger lacks: a ledger only grows")
@@ -111,34 +107,23 @@ def spent(nights: Iterable[Night]) -> float | None:
     return sum(shares) / PERIOD_NIGHTS if shares else None
 
 
-def serving(nights: Iterable[Night]) -> list[Night]:
-    """Nights of the models that served last, by sub-model."""
-    found = list(nights)
-    last = {one.submodel: one.model for one in found}
-    return [one for one in found if one.model == last[one.submodel]]
+def serving(nights: Iterable[Night], bundle: Bundle | None) -> tuple[Night, ...]:
+    """Nights of the models in the bundle that serves, None where nothing does."""
+    models = {} if bundle is None else bundle.submodels
+    served = {(name, one.sha256) for name, one in models.items()}
+    return tuple(one for one in nights if (one.submodel, one.model) in served)
 
 
 def asks(nights: Iterable[Night]) -> list[Night]:
-    """Nights of the models that served last that ask for work and are still open, by sub-model.
+    """Newest night of each ask that is open, one for each sub-model and work, the oldest ask first.
 
-    An ask is open from its night on until another model serves, or until the latest
-    :data:`CLOSED_AFTER` nights of its target, or of its sub-model, ask for nothing.
+    ``nights`` of the models that serve.  An ask for records is closed by a night that has some.
     """
-    known = latest(serving(nights))
-    by_target: dict[tuple[str, ...], list[Night]] = {}
-    by_submodel: dict[str, set[str]] = {}
-    for one in known:
-        by_target.setdefault(one.target, []).append(one)
-        by_submodel.setdefault(one.submodel, set()).add(one.night)
-    open_: dict[str, Night] = {}
-    for some in by_target.values():
-        for one in some[-CLOSED_AFTER:]:
-            since = sorted(by_submodel[one.submodel])[-CLOSED_AFTER:][0]
-            other = open_.get(one.submodel)
-            if one.ask and one.night >= max(since, other.night if other else ""):
-                open_[one.submodel] = one
-    return list(open_.values())
-
-
-CLOSED_AFTER = 7
-"""Quiet nights after which an ask is closed: what was the matter was mended."""
+    known = [one for one in latest(nights) if one.result != "not scored"]
+    newest = {one.submodel: one.night for one in known}
+    last = {one.target: one for one in known}.values()
+    found: dict[tuple[str, str], Night] = {}
+    for one in sorted(last, key=lambda one: one.since):
+        if one.ask and (one.ask != "records" or one.night == newest[one.submodel]):
+            found.setdefault((one.submodel, one.ask), one)
+    return list(found.values())

@@ -5,7 +5,7 @@ no fraction a whole number, and an unknown key is refused with its path.
 """
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import is_dataclass
 from datetime import date
 from functools import cache
@@ -32,6 +32,11 @@ class StoreError(ValueError):
 def json_text(document: Any) -> str:
     """A document as it is stored, keys in the order of its fields; NaN and infinity are refused."""
     return json.dumps(unstructured(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def json_line(document: Any) -> str:
+    """A document as one line of a file of such lines."""
+    return json.dumps(unstructured(document), allow_nan=False, ensure_ascii=False)
 
 
 def write_json(document: Any, path: Path) -> None:
@@ -75,6 +80,17 @@ def parsed(text: bytes, wanted: type[T], name: str, remedy: str = "run `dvc repr
         return structured(value, wanted, "$")
     except ValueError as error:
         raise StoreError(f"{name} is not what this version stores ({error}): {remedy}") from error
+
+
+def read_lines(path: Path, wanted: type[T], remedy: str) -> Iterator[tuple[T, str]]:
+    """Documents of a file of JSON lines, each with the words of its place; none without a file.
+
+    Raises StoreError as :func:`read_json` does.
+    """
+    lines = content(path, remedy).splitlines() if path.exists() else []
+    for number, line in enumerate(lines, start=1):
+        where = f"{path}, line {number}"
+        yield parsed(line, wanted, where, remedy), where
 
 
 def write_table(table: "pa.Table", path: Path) -> None:

@@ -168,24 +168,39 @@ class Canary:
 
 @dataclass(frozen=True, kw_only=True)
 class NextRecording:
-    """A recording of at most twenty minutes, and how far it is expected to narrow an interval."""
+    """A recording, and how far it is expected to narrow an interval."""
 
     record: str
     """The recording in a sentence that an operator can follow."""
-    minutes: float
-    """Time that it takes [min]."""
+    minutes: float | None = None
+    """Time that it takes [min]; None where it takes as long as the records so far."""
     interval: str
     """Interval that decides, in words."""
     unit: str
     """Unit of its half widths."""
-    now: float | None
+    now: float | None = None
     """Half of it by the records so far; None where they do not determine it."""
-    expected: float | None
+    expected: float | None = None
     """Half of it with the recording among the training records; None where nothing tells."""
-    gain_percent: float | None
+    gain_percent: float | None = None
     """How much narrower that is [%]; None where one of both is not known."""
+    uncertain_percent: float = 0.0
+    """Standard deviation of half the interval by chance [%]: a smaller gain is not noticed."""
     method: str
     """How the gain was computed."""
+
+    @property
+    def noticed(self) -> bool:
+        """Whether the gain is above what the interval varies by chance."""
+        return self.gain_percent is None or self.gain_percent > self.uncertain_percent
+
+    @property
+    def proposal(self) -> str:
+        """The recording in a sentence, which says so where no gain is promised."""
+        if self.noticed:
+            return self.record
+        length = f" of {self.minutes:g} minutes" if self.minutes else ""
+        return f"no recording{length} narrows it noticeably; the best would be: {self.record}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -58,7 +58,7 @@ def judge(
         files=records.files,
     )
     designs = submodel.designs(model, cases, settings)
-    proposed = next_recordings(submodel.title, submodel.needs, model, found.verdict, designs)
+    proposed = next_recordings(submodel.title, model, found.verdict, designs)
     verdict = replace(found.verdict, next_recordings=proposed)
     write_json(verdict, folder / "verdict.json")
     write_predictions(found.predictions, folder / "predictions.parquet")

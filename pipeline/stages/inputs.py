@@ -2,13 +2,11 @@
 
 A stage that reads a file before it changed and another after it has a result of no state of the
 records.  DVC hashes dependencies only after the command, and would store that result as the one of
-the new state.  So each input is noted at the start, by size, time of change, inode and, of a small
-file, content, and looked at again at the end.
+the new state.  So each input is noted at the start, by its content or, of a large file, by size,
+time of change and inode, and looked at again at the end.
 """
 
-import os
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -62,67 +60,40 @@ def written_by(name: str, root: Path) -> list[str] | None:
     return [one.replace("${item}", item).replace("${key}", machine) for one in paths]
 
 
-@dataclass(frozen=True)
-class Seen:
-    """State of a file: size [byte], time of change [ns], inode, and hash of a small one."""
-
-    size: int
-    changed_ns: int
-    inode: int
-    sha256: str = ""
-
-
-Inputs = Mapping[str, Seen]
-"""State of each input by its path."""
-
-
-def inputs(name: str, paths: Iterable[str], root: Path = Path()) -> Inputs:
+def inputs(name: str, paths: Iterable[str], root: Path = Path()) -> dict[str, object]:
     """State of the inputs of the stage ``name@machine`` among the ``paths`` of its command."""
     outs = written_by(name, root)
     if outs is None:
         return {}
-    own = tuple(f"{one.rstrip('/')}/" for one in outs)
-    return {
-        file: Seen(state.st_size, state.st_mtime_ns, state.st_ino,
-                   _hash(file) if state.st_size <= HASHED_BYTES else "")
-        for path in paths for file, state in _files(path) if not f"{file}/".startswith(own)
-    }  # fmt: skip
+    own, found = tuple(f"{one.rstrip('/')}/" for one in outs), {}
+    for path in map(Path, paths):
+        for file in path.rglob("*") if path.is_dir() else [path]:
+            if file.suffix != PART and not f"{file.as_posix()}/".startswith(own):
+                found[file.as_posix()] = _state(file)
+    return {file: state for file, state in found.items() if state is not None}
 
 
-def check_unchanged(before: Inputs, after: Inputs) -> None:
+def _state(file: Path) -> object:
+    """Content of a small file, else size, time of change and inode; None where there is no file."""
+    try:
+        state = file.stat()
+        if not file.is_file():
+            return None
+        if state.st_size <= HASHED_BYTES:
+            return sha256(file.read_bytes()).hexdigest()
+        return state.st_size, state.st_mtime_ns, state.st_ino
+    except OSError:  # gone in this moment
+        return None
+
+
+def check_unchanged(before: Mapping[str, object], after: Mapping[str, object]) -> None:
     """ValueError with the first input that is not as it was ``before``."""
     for path in sorted({*before, *after}):
-        one, other = before.get(path), after.get(path)
-        if one is None or other is None:
-            why = "was added" if one is None else "was removed"
-        elif one == other or (one.sha256 and one.sha256 == other.sha256):
+        if before.get(path) == after.get(path):
             continue
-        else:
-            why = "changed"
+        both = path in before and path in after
+        why = "changed" if both else "was removed" if path in before else "was added"
         raise ValueError(
             f"{path} {why} while the stage ran, so its result is of neither state: leave its "
             "inputs alone and run `dvc repro` again"
         )
-
-
-def _files(path: str) -> Iterator[tuple[str, os.stat_result]]:
-    """Files at or below a path with their state, without those that are not written yet."""
-    try:
-        if not Path(path).is_dir():
-            yield path, Path(path).stat()
-            return
-        with os.scandir(path) as entries:
-            for entry in entries:
-                if entry.is_dir(follow_symlinks=False):
-                    yield from _files(entry.path)
-                elif not entry.name.endswith(PART):
-                    yield entry.path, entry.stat()
-    except OSError:  # not there, or gone in this moment
-        return
-
-
-def _hash(path: str) -> str:
-    try:
-        return sha256(Path(path).read_bytes()).hexdigest()
-    except OSError:
-        return ""

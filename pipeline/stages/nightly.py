@@ -23,14 +23,13 @@ def nightly(
     monitoring: MonitoringSettings,
 ) -> None:
     """Append to the ledger the nights that it does not hold yet; a night is scored once."""
-    drive = Path(fleet.drives_under.get(champion.name, ""))
-    served = champion / "drive"
-    records = Records(
-        raw=raw, signals=signals, clean=clean, manifest=signals / "manifest.json",
-        drive=served if (served / "model.json").exists() else drive, wear=champion / "wear",
-    )  # fmt: skip
+    under = fleet.drives_under.get(champion.name)
+    records = Records.of_machine(
+        champion.parents[1], champion.name, champion, None if under is None else Path(under)
+    )
+    known = read_ledger(ledger)
     new = score_nights(
-        champion, records, ledger, sets=read_golden(golden / f"{champion.name}.json"),
+        champion, records, known, sets=read_golden(golden / f"{champion.name}.json"),
         values=read_params(), settings=monitoring,
     )  # fmt: skip
-    write_ledger((*read_ledger(ledger), *new), ledger)
+    write_ledger((*known, *new), ledger)

@@ -9,10 +9,10 @@ from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.stability.tip_dynamics import TipModes
 from pipeline.fleet import Fleet
 from pipeline.parameters import RENAMED, section_path, structure
+from pipeline.schema.decision import PromotionSettings
 from pipeline.stages.__main__ import load_stage
 from pipeline.stages.code import NO_STAGES
 from pipeline.submodels.contract import submodels
-from pipeline.submodels.promotion import PromotionSettings
 
 BY_HAND: dict[str, Any] = {
     "spindle_drive": SpindleDrive,

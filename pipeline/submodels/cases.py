@@ -52,12 +52,20 @@ class Records:
     wear: Path | None = None
 
     @classmethod
-    def of_machine(cls, data: Path, machine: str, *, drive: Path, wear: Path) -> "Records":
-        """All records of a machine below ``data``, with the models that others build on."""
-        signals = data / "signals" / machine
+    def of_machine(
+        cls, data: Path, machine: str, models: Path, under: Path | None = None
+    ) -> "Records":
+        """All records of a machine below ``data``, with the models that others build on.
+
+        ``models``: folder of the machine's sub-models; ``under``: folder of the drives where that
+        one holds none.
+        """
+        signals, drive = data / "signals" / machine, models / "drive"
+        if under is not None and not (drive / "model.json").exists():
+            drive = under
         return cls(
             raw=data / "raw" / machine, signals=signals, clean=data / "clean" / machine,
-            manifest=signals / "manifest.json", drive=drive, wear=wear,
+            manifest=signals / "manifest.json", drive=drive, wear=models / "wear",
         )  # fmt: skip
 
     @property

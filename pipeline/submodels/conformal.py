@@ -5,39 +5,33 @@ that the predicting model was not fitted on.  Cross-conformal: each training gro
 model of the others, so that no group is spent on calibration alone (Vovk 2015).
 
 Samples of a group hang together, and a new group is what the interval has to hold for, so groups
-count as whole.  Where they are alike, as days and tools are, the half width of a regime is the 90 %
-quantile of its absolute residuals, each group of the same weight, times one factor for all regimes:
-the 90 % quantile of the residuals of each group over the half widths that the *other* groups give
-it.  Groups that differ widen it by as much as they show, and it holds 90 % of a new group's samples
-in the mean over groups (hierarchical conformal prediction, Lee, Barber and Willett 2023, with the
-normalised scores of Lei et al. 2018).
-
-Where groups are of kinds of their own, as recordings made for different ends, their mean says
-nothing of the next.  Below :data:`MANY_GROUPS` of them, K say, the half width is then the ceil(0.9
-(K + 1))-th smallest of the groups' own 90 % quantiles, the greatest where there are fewer than
-nine: it holds 90 % of a new group's samples with a probability of 0.9, with fewer than nine groups
-of K / (K + 1), if the new one is of any of these kinds (Dunn, Wasserman and Ramdas 2023).
+count as whole: the half width of a regime is the 90 % quantile of its absolute residuals, where
+each group weighs the same, and the worst stands for the group to come and for those that
+:data:`TELLING` ones would have as well.  Conformal prediction of groups (Lee, Barber and Willett
+2023) puts the group to come at infinity, and holds more than 90 % by that.  So the interval holds
+90 % of a new group's samples in the mean over groups, of few of them a little more; what they did
+not show it cannot hold.
 
 Adaptive over time: a factor on the half width rises when a measured value that has become known lay
 outside and falls when it lay inside (quantile tracking, Angelopoulos, Candes and Tibshirani 2023;
 Gibbs and Candes 2021), so that the share inside comes back to 90 % when conditions drift.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.model import AdaptiveSettings as AdaptiveSettings
 from pipeline.schema.model import Band as Band
 from pipeline.schema.model import Bands as Bands
 
 LEVEL = 0.9
 """Share of samples that an interval shall hold [1]."""
-MANY_GROUPS = 20
-"""Least number of groups with a scatter: two of them lie outside of 90 % on average [1]."""
+TELLING = 9
+"""Least number of groups of one value each [1] whose greatest is exceeded by one new one in ten."""
 ALL_REGIMES = ""
 """Name of the band over all regimes, for samples of a regime that was not seen in training."""
 
@@ -107,13 +101,12 @@ def splits(groups: Sequence[str], folds: int) -> Iterator[tuple[list[str], list[
         )
 
 
-def bands(residuals: Residuals, *, alike: bool = False) -> dict[str, Band]:
+def bands(residuals: Residuals) -> dict[str, Band]:
     """Calibrated half widths by regime, and over all regimes under :data:`ALL_REGIMES`.
 
     A regime that has residuals of fewer groups than half of all, or of one, has no band of its own
     unless it is the only one: the band over all regimes serves it.
 
-    ``alike`` are groups that are drawn alike, as days and tools are, and no kinds of their own.
     ValueError without residuals.
     """
     known = residuals.where(np.isfinite(residuals.error))
@@ -122,66 +115,33 @@ def bands(residuals: Residuals, *, alike: bool = False) -> dict[str, Band]:
             "no residual of a group left out is known: an interval needs two training groups at "
             "least, record another"
         )
-    names, regime = np.unique(known.regime, return_inverse=True)
-    groups, group = np.unique(known.group, return_inverse=True)
-    size = np.abs(known.error)
-    few = not alike and len(groups) < MANY_GROUPS
-    half, counts = _quantiles(size, regime, group, len(names), _widest if few else _quantile)
-    factor = 1.0 if few or len(groups) < 2 else _factor(size, regime, group, len(names))
-    wide = (factor * half).tolist()
-    found = {ALL_REGIMES: Band(lower=wide[-1], upper=wide[-1], n=len(size), groups=len(groups))}
-    for k, name in enumerate(names.tolist()):
-        if name != ALL_REGIMES and counts[k] >= _fewest(len(groups)):
-            many = int(np.count_nonzero(regime == k))
-            found[name] = Band(lower=wide[k], upper=wide[k], n=many, groups=int(counts[k]))
+    everywhere = _band(known)
+    found = {ALL_REGIMES: everywhere}
+    for name in np.unique(known.regime).tolist():
+        own = _band(known.where(known.regime == name))
+        if name != ALL_REGIMES and own.groups >= max(2, everywhere.groups / 2):
+            found[name] = own
     return found
 
 
-def _fewest(groups: int) -> float:
-    """Least number of groups of a regime with a band of its own."""
-    return max(2, groups / 2)
-
-
-def _quantiles(
-    size: Floats, regime: Ints, group: Ints, regimes: int,
-    quantile: Callable[[Floats, Ints], float],
-) -> tuple[Floats, Ints]:  # fmt: skip
-    """90 % quantiles of sizes, shape (regimes + 1,), by regime and of all; groups of each regime.
-
-    Where a regime is of too few groups it has the quantile of all.
-    """
-    found = np.full(regimes + 1, quantile(size, group))
-    counts = np.array([len(np.unique(group[regime == k])) for k in range(regimes)], np.int64)
-    fewest = _fewest(len(np.unique(group)))
-    for k in np.flatnonzero(counts >= fewest).tolist():
-        own = regime == k
-        found[k] = quantile(size[own], group[own])
-    return found, counts
-
-
-def _factor(size: Floats, regime: Ints, group: Ints, regimes: int) -> float:
-    """Widening of the interval for a group against the quantiles of the others [1], at least 1."""
-    over = np.empty(len(size))
-    for k in range(int(group.max()) + 1):
-        own = group == k
-        half = _quantiles(size[~own], regime[~own], group[~own], regimes, _quantile)[0][regime[own]]
-        over[own] = _size(size[own], half, half)
-    found = _quantile(over, group)
-    return max(found, 1.0) if np.isfinite(found) else 1.0
-
-
-def _quantile(size: Floats, group: Ints) -> float:
-    """90 % quantile of sizes, each group of the same weight, between sizes as Hazen's (1914)."""
-    _, place, count = np.unique(group, return_inverse=True, return_counts=True)
+def _band(residuals: Residuals) -> Band:
+    """90 % quantile of sizes, each group of the same weight, the worst also for those to come."""
+    size = np.abs(residuals.error)
+    _, group, count = np.unique(residuals.group, return_inverse=True, return_counts=True)
     order = np.argsort(size, kind="stable")
-    weight = 1.0 / (len(count) * count[place[order]])
-    return float(np.interp(LEVEL, np.cumsum(weight) - weight / 2, size[order]))
+    size, group = size[order], group[order]
+    counted = max(len(count), TELLING) + 1
+    weight = 1.0 / (counted * count[group])
+    worst = counted - len(count) + 1
+    half = max(
+        _quantile(size, np.where(group == one, worst * weight, weight)) for one in range(len(count))
+    )
+    return Band(lower=half, upper=half, n=len(size), groups=len(count))
 
 
-def _widest(size: Floats, group: Ints) -> float:
-    """Value at rank ceil(0.9 (K + 1)) of the 90 % quantiles of K groups, at most the greatest."""
-    own = np.sort([float(np.quantile(size[group == k], LEVEL)) for k in np.unique(group)])
-    return float(own[min(int(np.ceil(LEVEL * (len(own) + 1) - 1e-9)), len(own)) - 1])
+def _quantile(size: Floats, weight: Floats) -> float:
+    """90 % quantile of sizes in order with weights that add up to 1, as Hazen's (1914)."""
+    return float(np.interp(LEVEL, np.cumsum(weight) - weight / 2, size))
 
 
 def half_widths(regime: Labels, bands: Bands) -> tuple[Floats, Floats]:

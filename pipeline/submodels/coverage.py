@@ -16,14 +16,12 @@ import pandas as pd
 
 from pipeline.schema.verdict import Score
 from pipeline.submodels import scoring
+from pipeline.submodels.conformal import TELLING
 from pipeline.submodels.contract import Target
 from pipeline.submodels.statistics import jackknife_half_width, student_quantile
 
 CheckReasons = tuple[list[str], list[str]]
 """Reasons of a check: for sure, and too near to the limit to tell."""
-STATED_FROM = 9
-"""Least number of training groups whose worst holds 90 % of a new group's samples with a
-probability of 0.9 [1]; the width of fewer is wider by design."""
 NORMAL_90 = 1.645
 """Half of a 90 % interval of a normal distribution over its standard deviation [1]."""
 OF_NONE = 3.0
@@ -47,7 +45,7 @@ def covered(rows: pd.DataFrame, score: Score, target: Target, trained: int) -> C
         "interval, "
     )
     spread = score.spread.get("coverage_90", 0.0)
-    ends = (least, most) if trained >= STATED_FROM else (least,)
+    ends = (least, most) if trained >= TELLING else (least,)
     if any(abs(share - end) < spread for end in ends if end > 0):
         return [], [
             f"{said}too near to the {limits}: trainings differ by \u00b1 {100 * spread:.2g} %, "
@@ -65,7 +63,7 @@ def covered(rows: pd.DataFrame, score: Score, target: Target, trained: int) -> C
     if too_wide(score, groups, trained, target.widest):
         times = f"its half width is {score.half_width_over_rmse:.2g} times the RMSE"
         return [f"{said}{limits}; {times}"], []
-    if trained >= STATED_FROM and groups >= scoring.FEWEST_GROUPS and share - most > margin:
+    if trained >= TELLING and groups >= scoring.FEWEST_GROUPS and share - most > margin:
         return [f"{said}{limits}"], []
     return [], []
 

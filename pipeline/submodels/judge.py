@@ -80,7 +80,7 @@ def judge(
     beyond = {one.case for one in outside}
     known = len(model.trained_on)
     scores = [
-        score for target in targets for score in _scores(frame, target, deciding, beyond, known)
+        score for target in targets for score in scores_of(frame, target, deciding, beyond, known)
     ]
     decisive = [s for s in scores if s.status != "not judged" and not s.alone]
     checked = canaries((one for _, one in predicted), frame, targets, deciding)
@@ -152,7 +152,7 @@ def _deciding(cases: Sequence[Case]) -> Role:
     return next((role for role in order if role in there), "held_out")
 
 
-def _scores(
+def scores_of(
     frame: pd.DataFrame, target: Target, deciding: Role, outside: set[str], trained: int
 ) -> list[Score]:
     """Scores of a target by role and group, and over all groups of each role."""

@@ -1,23 +1,25 @@
 """What to record next: the recording that narrows the deciding interval most, by optimal design.
 
-A sub-model declares a :class:`Design`: how its fit's rows depend on the parameters in the records
-so far, in the records that are judged, and in each recording that the shop floor can make.  Rows
-of the fit are of one accuracy, so the covariance of the parameters is
+A sub-model may declare a :class:`Design`: what the records so far, and with each recording that the
+shop floor can make, tell of its parameters.  The covariance of the parameters is
 
-    C = s^2 (X'X + P)^-1 + diag(f^2),
+    C = s^2 (I + P)^-1 + diag(f^2),
 
-with X the rows so far, P a weak prior on what they do not determine and f what no recording narrows
-(a sensor's scale).  The scale s is that with which the records so far give the intervals that the
-model states, so it holds errors of the model and residuals that hang together; where parameters are
-left out of a fit, it is that of the rows with them in it.  A recording Z gives
-C with X'X + Z'Z (Fedorov 1972; Atkinson, Donev and Tobias, *Optimum Experimental Designs*, 2007).
-First comes what determines a parameter that nothing determined; else what narrows most the mean
-variance of the predictions that are judged (I-optimality, there section 10.6).
+with I the information, P a weak prior on what the records do not determine and f what no recording
+narrows (a sensor's scale).  The scale s is that with which the records so far give the intervals
+that the model states, so it holds errors of the model and residuals that hang together; where
+parameters are left out of a fit, it is that of the rows with them in it (Fedorov 1972; Atkinson,
+Donev and Tobias, *Optimum Experimental Designs*, 2007).  First comes what determines a parameter
+that nothing determined; else what narrows most the mean variance of the predictions that are
+judged (I-optimality, there section 10.6).
 
 Without a declaration the remedy of a parameter that is not determined comes first, then conditions
 that the judged records have and the training records lack, whose intervals are widened, then one
 more group of records like the one that is predicted worst: the 95 % interval of a mean error over G
 groups is t s / sqrt(G).
+
+An interval from n units of records (strokes, cuts, groups) is itself uncertain by 1 / sqrt(2 (n -
+1)), the relative deviation of s; a smaller gain is not noticed, and not promised.
 """
 
 from collections.abc import Iterator, Sequence
@@ -39,7 +41,7 @@ from pipeline.schema.verdict import (
 from pipeline.submodels.statistics import NORMAL_95, student_quantile
 
 MINUTES = 20.0
-"""Longest recording that is proposed [min]."""
+"""Time of a recording that is designed [min]."""
 WIDEST = 0.5
 """Half width over the size of a parameter up to which a recording determines it [1]."""
 PRIOR = 3.0
@@ -57,33 +59,32 @@ GROUPS = "spread of the error over groups of records, t s / sqrt(groups)"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Candidate:
-    """A recording that can be made."""
+    """A recording that can be made in :data:`MINUTES`."""
 
     record: str
     """What to record, in a sentence."""
-    minutes: float
-    """Time that it takes [min]."""
-    rows: Floats = field(repr=False)
-    """Derivatives of the rows that it adds to the fit by the parameters; shape (N, D)."""
+    information: Floats = field(repr=False)
+    """Information of the fit with it among the records; shape (D, D)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Design:
-    """D parameters of a fit, the rows that told them, and recordings that would tell more."""
+    """D parameters of a fit, what the records tell of them, and recordings that would tell more."""
 
     names: tuple[str, ...]
     """Parameters in words; D."""
     units: tuple[str, ...]
     """Units of the half widths; D."""
     half_widths: Floats
-    """Half of each stated 95 % interval; NaN where the parameter is not determined, 0 for one of a
-    known spread that stands among ``rows``; shape (D,)."""
+    """Half of each stated 95 % interval; NaN where the parameter is not determined; shape (D,)."""
     floors: Floats
     """Part of them that no recording narrows; shape (D,)."""
     sizes: Floats
     """Sizes of the parameters, of undetermined ones a plausible one; shape (D,)."""
-    rows: Floats = field(repr=False)
-    """Derivatives of the rows of the fit so far; shape (N, D)."""
+    information: Floats = field(repr=False)
+    """X'X of the derivatives of the fit's rows so far, in rows of variance 1; shape (D, D)."""
+    independent: int
+    """Strokes or cuts among them, which count once each [1]."""
     judged: Floats = field(repr=False)
     """Derivatives of the predictions that are judged; shape (K, D)."""
     interval: str
@@ -101,17 +102,18 @@ class Design:
         """Parameters that have an interval; shape (D,)."""
         return np.isfinite(self.half_widths)
 
-    def half_width(self, known: Bools, more: Floats | None = None) -> float:
+    def half_width(self, information: Floats | None = None) -> float:
         """Half of the 95 % interval of the judged predictions, root mean square over them."""
-        rows = self.judged[:, known]
-        variance = np.einsum("ki,ij,kj->k", rows, self.covariance(known, more), rows)
+        own = self.determined
+        rows = self.judged[:, own]
+        variance = np.einsum("ki,ij,kj->k", rows, self.covariance(own, information), rows)
         return NORMAL_95 * float(np.sqrt(variance.mean()))
 
-    def covariance(self, known: Bools, more: Floats | None = None) -> Floats:
-        """Covariance of the parameters of ``known``, with the rows of ``more`` added."""
+    def covariance(self, known: Bools, information: Floats | None = None) -> Floats:
+        """Covariance of the parameters of ``known``, by other ``information`` than the present."""
         noise = self._stated_noise() if self.noise is None else self.noise
         lasting = np.diag((self.floors[known] / NORMAL_95) ** 2)
-        return noise**2 * self._inverse(known, more, (noise / PRIOR) ** 2) + lasting
+        return noise**2 * self._inverse(known, information, (noise / PRIOR) ** 2) + lasting
 
     def _stated_noise(self) -> float:
         """Standard deviation of a row by the stated intervals, the median over parameters."""
@@ -119,22 +121,21 @@ class Design:
         stated, floor = self.half_widths[own], self.floors[own]
         narrowed = np.sqrt(np.maximum(stated**2 - floor**2, (STATED * stated) ** 2)) / NORMAL_95
         root = np.sqrt(np.diag(self._inverse(own, None, 0.0)))
-        return float(np.median((narrowed / np.maximum(root, 1e-300))[stated > 0]))
+        return float(np.median(narrowed / np.maximum(root, 1e-300)))
 
-    def _inverse(self, known: Bools, more: Floats | None, prior: float) -> Floats:
-        """(X'X + P)^-1 of some parameters, with P for each that is not determined."""
-        scale = np.abs(self.sizes[known])
-        rows = (self.rows if more is None else np.vstack([self.rows, more]))[:, known] * scale
-        information = rows.T @ rows + np.diag(np.where(self.determined[known], 0.0, prior))
-        inverse = np.linalg.pinv(information, rcond=1e-14, hermitian=True)
-        return np.asarray(inverse * np.outer(scale, scale))
+    def _inverse(self, known: Bools, information: Floats | None, prior: float) -> Floats:
+        """(I + P)^-1 of some parameters, with P for each that is not determined."""
+        scale = np.outer(self.sizes[known], self.sizes[known])
+        own = (self.information if information is None else information)[np.ix_(known, known)]
+        total = own * scale + np.diag(np.where(self.determined[known], 0.0, prior))
+        return np.asarray(np.linalg.pinv(total, rcond=1e-14, hermitian=True) * scale)
 
 
 def by_design(design: Design) -> list[NextRecording]:
     """Recordings of a design, the best first; empty where no parameter is determined."""
-    tables = (design.rows, design.judged, *(one.rows for one in design.candidates))
-    known = design.determined & (design.half_widths != 0)
-    if not (known.any() and len(design.judged) and all(np.isfinite(t).all() for t in tables)):
+    tables = (design.information, design.judged, *(one.information for one in design.candidates))
+    known = design.determined.any() and len(design.judged) and len(design.candidates)
+    if not (known and all(np.isfinite(table).all() for table in tables)):
         return []
     return _determining(design) or _narrowing(design)
 
@@ -145,84 +146,78 @@ def _determining(design: Design) -> list[NextRecording]:
     every = np.ones(len(design.names), bool)
     found = []
     for one in design.candidates:
-        half = NORMAL_95 * np.sqrt(np.diag(design.covariance(every, one.rows)))
+        half = NORMAL_95 * np.sqrt(np.diag(design.covariance(every, one.information)))
         share = (half / np.abs(design.sizes))[lost]
         if (share <= WIDEST).any():
             at = int(lost[np.argmin(share)])
-            found.append((-int((share <= WIDEST).sum()), float(np.sort(share)[0]), one, at, half))
+            found.append((-int((share <= WIDEST).sum()), float(share.min()), one.record, at, half))
     return [
         NextRecording(
-            record=one.record, minutes=one.minutes, interval=design.names[at],
-            unit=design.units[at], now=None, expected=significant(half[at], 3),
-            gain_percent=None, method=DETERMINES,
+            record=record, minutes=MINUTES, interval=design.names[at], unit=design.units[at],
+            expected=significant(half[at], 3), method=DETERMINES,
         )
-        for _, _, one, at, half in sorted(found, key=lambda row: row[:2])[:BEST]
+        for _, _, record, at, half in sorted(found, key=lambda row: row[:2])[:BEST]
     ]  # fmt: skip
 
 
 def _narrowing(design: Design) -> list[NextRecording]:
-    known = design.determined
-    now = design.half_width(known)
-    after = sorted(
-        ((design.half_width(known, one.rows), one) for one in design.candidates),
-        key=lambda pair: pair[0],
-    )
-    return [
-        _narrowed(
-            one.record, design.interval, design.unit, now, half, method=OPTIMAL, minutes=one.minutes
-        )
-        for half, one in after[:BEST]
-    ]
+    """Recordings by the interval that they leave; the best alone where that is not noticed."""
+    now = design.half_width()
+    after = sorted((design.half_width(one.information), one.record) for one in design.candidates)
+    found = [
+        _narrowed(record, design.interval, design.unit, now, half, method=OPTIMAL,
+                  units=design.independent, minutes=MINUTES)
+        for half, record in after[:BEST]
+    ]  # fmt: skip
+    return [one for k, one in enumerate(found) if one.noticed or not k]
 
 
 def _narrowed(
-    record: str, interval: str, unit: str, now: float, half: float, *, method: str,
-    minutes: float = MINUTES,
+    record: str, interval: str, unit: str, now: float, half: float, *, method: str, units: int,
+    minutes: float | None = None,
 ) -> NextRecording:  # fmt: skip
+    """A recording after which an interval that ``units`` of records gave is ``half``."""
     gain = 1 - half / now if now > 0 else 0.0
     return NextRecording(
         record=record, minutes=minutes, interval=interval, unit=unit, method=method,
         now=significant(now, 3), expected=significant(half, 3), gain_percent=round(100 * gain, 1),
+        uncertain_percent=round(100 / (2 * max(units - 1, 1)) ** 0.5, 1),
     )  # fmt: skip
 
 
 def next_recordings(
-    title: str, needs: str, model: Model, verdict: Verdict, designs: Sequence[Design]
+    title: str, model: Model, verdict: Verdict, designs: Sequence[Design]
 ) -> tuple[NextRecording, ...]:
     """What to record next for a sub-model, the best first; empty where nothing tells.
 
-    ``title`` and ``needs`` are the sub-model's, ``designs`` what it declares.
+    ``title`` is the sub-model's, ``designs`` what it declares.
     """
     lists = [(one, found) for one in designs if (found := by_design(one))]
     if not lists:
-        return tuple(_undeclared(title, needs, model, verdict))
+        groups = len({one.group for one in model.trained_on})
+        some = [*_remedy(model), *_covering(verdict, groups), *_of_groups(title, verdict, groups)]
+        return tuple(sorted(some, key=lambda one: not one.noticed))
     lists.sort(key=lambda pair: _rank(pair[0], pair[1][0]))
     return (*lists[0][1], *(found[0] for _, found in lists[1:]))
 
 
-def _rank(design: Design, best: NextRecording) -> tuple[bool, float]:
+def _rank(design: Design, best: NextRecording) -> tuple[bool, bool, float]:
     """What nothing determines first, then the interval that is widest for its size."""
-    return best.now is not None, -(best.now or 0.0) / max(design.limit, 1e-300)
+    return best.now is not None, not best.noticed, -(best.now or 0.0) / max(design.limit, 1e-300)
 
 
-def _undeclared(title: str, needs: str, model: Model, verdict: Verdict) -> Iterator[NextRecording]:
-    """By the stored remedies, the learnt conditions and the groups, one of each at most."""
-    for group, parameters in model.parameters.items():
-        for name, one in parameters.items():
-            if not one.determined and one.remedy:
-                yield NextRecording(
-                    record=one.remedy, minutes=MINUTES, interval=f"{group} {name}".strip(),
-                    unit=one.unit, now=None, expected=None, gain_percent=None, method=REMEDY,
-                )  # fmt: skip
-                break
-        else:
-            continue
-        break
-    yield from _covering(needs, verdict)
-    yield from _of_groups(title, needs, model, verdict)
+def _remedy(model: Model) -> list[NextRecording]:
+    """The stored remedy of the first parameter that is not determined."""
+    return [
+        NextRecording(
+            record=one.remedy, interval=f"{group} {name}".strip(), unit=one.unit, method=REMEDY
+        )
+        for group, parameters in model.parameters.items()
+        for name, one in parameters.items() if not one.determined and one.remedy
+    ][:1]  # fmt: skip
 
 
-def _covering(needs: str, verdict: Verdict) -> Iterator[NextRecording]:
+def _covering(verdict: Verdict, groups: int) -> Iterator[NextRecording]:
     """The condition that narrows most what the judged cases have beyond the learnt ones."""
     judged = [one.case for one in verdict.cases if one.role == verdict.judged_role]
     outside = [one for one in verdict.outside if one.case in judged]
@@ -239,37 +234,33 @@ def _covering(needs: str, verdict: Verdict) -> Iterator[NextRecording]:
     def after(name: str) -> float:
         return mean([one for one in outside if one.condition != name])
 
-    now, name = mean(outside), min({one.condition for one in outside}, key=lambda n: (after(n), n))
-    values = [one for one in outside if one.condition == name]
-    far = max(values, key=widening)
+    name = min({one.condition for one in outside}, key=lambda n: (after(n), n))
+    far = max((one for one in outside if one.condition == name), key=widening)
     value = far.value if isinstance(far.value, str) else f"{far.value:g}"
     yield _narrowed(
-        f"{name} at {value} {far.unit}".strip() + f", learnt {far.learnt} alone: record {needs}",
+        f"{name} at {value} {far.unit}".strip() + f", learnt {far.learnt} alone",
         f"mean 90 % interval of {total.quantity}", total.unit, total.half_width,
-        total.half_width * after(name) / now, method=COVERS,
+        total.half_width * after(name) / mean(outside), method=COVERS, units=groups,
     )  # fmt: skip
 
 
-def _of_groups(title: str, needs: str, model: Model, verdict: Verdict) -> Iterator[NextRecording]:
+def _of_groups(title: str, verdict: Verdict, groups: int) -> Iterator[NextRecording]:
     """One more group like that of the greatest error."""
     some = [s for s in _deciding(verdict) if s.group != "all" and s.rmse is not None]
     some = [s for s in some if (s.quantity, s.regime) == (some[0].quantity, some[0].regime)]
-    groups = len({one.group for one in model.trained_on})
-    if len(some) < 2 or groups < 2:
-        return
     errors = np.array([s.rmse for s in some], dtype=np.float64)
+    if len(some) < 2 or groups < 2 or not errors.std():
+        return
     now, half = (
         student_quantile(many - 1) * float(errors.std(ddof=1)) / many**0.5
         for many in (groups, groups + 1)
     )
-    if not now:
-        return
     worst = some[int(errors.argmax())]
-    like = next((one for one in verdict.cases if one.group == worst.group), None)
-    said = "" if like is None else _conditions(like)
+    like = next((_conditions(one) for one in verdict.cases if one.group == worst.group), "")
     yield _narrowed(
-        f"one more like {worst.group}{said}, where the {title} is predicted worst: record {needs}",
+        f"one more like {worst.group}{like}, where the {title} is predicted worst",
         f"mean RMSE of {worst.quantity}", worst.unit, now, half, method=GROUPS,
+        units=groups,
     )  # fmt: skip
 
 

@@ -5,7 +5,7 @@ decides, group by group (day, recording, tool); on the newest day where records 
 on the sealed cases last.  A case whose raw files one of the two was fitted on is left out.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -13,10 +13,9 @@ from typing import Any, Literal
 import numpy as np
 
 from pipeline.schema.bundle import VERDICT, Bundle
-from pipeline.schema.decision import Against, Compared, Result, Rule, RuleName
+from pipeline.schema.decision import Against, Compared, PromotionSettings, Result, Rule, RuleName
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.model import Model
-from pipeline.schema.ranges import NotNegative, Ranged
 from pipeline.schema.store import StoreError, read_json
 from pipeline.schema.verdict import Role, Score, Status, Verdict
 from pipeline.submodels.cases import Cases, golden_used, leak_reasons, learnt_from, newest_day
@@ -34,18 +33,6 @@ LACKING: tuple[Status, ...] = ("failed", "not judged")
 Files = Mapping[str, Mapping[str, Any]]
 ReadCases = Callable[[], tuple[Cases, Files]]
 """Cases of a sub-model, and the manifest of the raw files."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PromotionSettings(Ranged, section="promotion"):
-    """Tolerances of a promotion, and how long the one before stays warm."""
-
-    tolerance: NotNegative = 0.05
-    """Greatest rise of the mean absolute error of any target over the champion's [1]."""
-    group_tolerance: NotNegative = 0.5
-    """Greatest rise in a single group (day, recording, tool), over the champion's mean [1]."""
-    warm_hours: NotNegative = 48.0
-    """Time for which the one before can be taken back at once and cannot be deleted [h]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -280,107 +267,85 @@ def first_rules(
     """
     served = set(serving)
     rests = served | {n for n, one in challenger.submodels.items() if one.status == "passed"}
+    absent = [name for name in champion.submodels if name not in challenger.submodels]
     return [
-        _complete(champion, challenger, served),
-        _seen("unseen", {one.submodel: one.learnt for one in contests}, rests),
-        _seen(
-            "canaries",
-            {
-                one.submodel: [f"{one.submodel}: {said}" for said in one.canaries]
-                for one in contests
-            },
-            rests,
-        ),
-        _no_new_failure(contests, champion, challenger, served),
+        _rule("complete", [
+            (name in served, f"it has no {name}, which serves" if name in served
+             else f"{name} is gone, on which nothing rests") for name in absent
+        ]),
+        _rule("unseen", [(one.submodel in rests, word) for one in contests for word in one.learnt]),
+        _rule("canaries", [(one.submodel in rests, f"{one.submodel}: {word}")
+                           for one in contests for word in one.canaries]),
+        _rule("no new failure", _failures(contests, champion, challenger, served)),
         _not_worse("not worse", contests, served),
         _not_worse("newest day", newest, served),
         _better(contests, champion, challenger, served),
-    ]
+    ]  # fmt: skip
 
 
 def sealed_rule(contests: Sequence[Contest], serving: Iterable[str]) -> Rule:
     """Rule of the sealed set: nothing that serves fails anew there, and nothing is worse."""
     served = set(serving)
-    rule = _not_worse("sealed", contests, served)
     failed = [
-        f"its {one.submodel} fails on the sealed set: {one.words}"
+        (True, f"its {one.submodel} fails on the sealed set: {one.words}")
         for one in contests
         if one.challenger == "failed" != one.champion and one.submodel in served
     ]
-    words = (*failed, *rule.words)
-    return Rule(
-        name="sealed", result="broken" if failed else rule.result, words=words,
-        figures=rule.figures,
-    )  # fmt: skip
+    return _not_worse("sealed", contests, served, failed)
 
 
-def _rule(name: RuleName, against: Sequence[str], remarks: Sequence[str] = ()) -> Rule:
-    result: Result = "broken" if against else "kept"
-    return Rule(name=name, result=result, words=(*against, *remarks))
+Said = tuple[bool, str]
+"""Words of a rule, and whether they break it; what breaks none is said all the same."""
 
 
-def _seen(name: RuleName, words: Mapping[str, Sequence[str]], rests: set[str]) -> Rule:
-    """Rule on what a sub-model has seen; one on which nothing rests is said."""
-    said = [(one, word) for one, some in words.items() for word in some]
-    return _rule(name, [word for one, word in said if one in rests],
-                 [word for one, word in said if one not in rests])  # fmt: skip
+def _rule(name: RuleName, said: Iterable[Said], figures: Sequence[Compared] = ()) -> Rule:
+    words = sorted(said, key=lambda one: not one[0])  # what breaks it first
+    result: Result = "broken" if any(breaks for breaks, _ in words) else "kept"
+    return Rule(name=name, result=result, words=tuple(word for _, word in words),
+                figures=tuple(figures))  # fmt: skip
 
 
-def _complete(champion: Bundle, challenger: Bundle, served: set[str]) -> Rule:
-    absent = [name for name in champion.submodels if name not in challenger.submodels]
-    return _rule(
-        "complete",
-        [f"it has no {name}, which serves" for name in absent if name in served],
-        [f"{name} is gone, on which nothing rests" for name in absent if name not in served],
-    )
-
-
-def _no_new_failure(
+def _failures(
     contests: Sequence[Contest], champion: Bundle, challenger: Bundle, served: set[str]
-) -> Rule:
-    against: list[str] = []
-    remarks: list[str] = []
+) -> Iterator[Said]:
+    """Failures of the challenger; those of the champion, or of what does not serve, are said."""
     changed = {one.submodel: one for one in contests}
     for name, one in challenger.submodels.items():
-        before = champion.submodels.get(name)
         again = changed[name].challenger if name in changed else one.status
         if one.status not in LACKING and again not in LACKING:
             continue
-        if before is None:
-            remarks.append(f"{name} is new, {one.status}, and does not serve")
+        if name not in champion.submodels:
+            yield False, f"{name} is new, {one.status}, and does not serve"
         elif name not in changed:
-            remarks.append(f"{name} is {one.status}, the same model as the champion's")
+            yield False, f"{name} is {one.status}, the same model as the champion's"
         elif changed[name].champion in LACKING:
-            remarks.append(f"{name} is {one.status} in both")
+            yield False, f"{name} is {one.status} in both"
         elif name not in served:
-            remarks.append(f"{name} is {one.status}, and nothing that serves rests on it")
+            yield False, f"{name} is {one.status}, and nothing that serves rests on it"
         else:
-            why = changed[name].words
             status = one.status if one.status in LACKING else again
-            against.append(f"its {name} is {status} where the champion's passes: {why}")
-    return _rule("no new failure", against, remarks)
+            words = changed[name].words
+            yield True, f"its {name} is {status} where the champion's passes: {words}"
 
 
-def _not_worse(name: RuleName, contests: Sequence[Contest], served: set[str]) -> Rule:
+def _not_worse(
+    name: RuleName, contests: Sequence[Contest], served: set[str], said: Sequence[Said] = ()
+) -> Rule:
     """Nothing that serves is worse, over all groups or in one of them."""
     if not contests:
         return Rule(name=name, result="no data", words=("there are no such records",))
-    against: list[str] = []
-    remarks: list[str] = []
+    found = list(said)
     for one in contests:
         blocks = one.submodel in served
+        found += [(blocks, word) for word in one.lost if one.compared]
         if not one.compared:
-            (against if blocks else remarks).append(f"{one.submodel}: {one.note}")
-        else:
-            (against if blocks else remarks).extend(one.lost)
+            found.append((blocks, f"{one.submodel}: {one.note}"))
         for compared in one.compared:
             if compared.result == "worse":
-                (against if blocks else remarks).append(f"worse: {compared.words}")
+                found.append((blocks, f"worse: {compared.words}"))
             elif compared.result == "not decided" and compared.challenger > compared.champion:
-                remarks.append(f"within the spread of trainings: {compared.words}")
-    rule = _rule(name, against, remarks)
-    figures = tuple(compared for one in contests for compared in one.compared)
-    return Rule(name=name, result=rule.result, words=rule.words, figures=figures)
+                found.append((False, f"within the spread of trainings: {compared.words}"))
+    return _rule(name, found, [compared for one in contests for compared in one.compared])
 
 
 def _better(

@@ -14,7 +14,6 @@ import pytest
 import yaml
 
 from pipeline.champions.promotion import (
-    decision_path,
     delete,
     events,
     judged,
@@ -26,7 +25,7 @@ from pipeline.champions.serving import champion_of, history_of, history_path, ke
 from pipeline.registry.store import client_of, model_name, versions
 from pipeline.schema.bundle import Served, bundle_of, read_champions
 from pipeline.schema.decision import Decision
-from pipeline.schema.history import looks, served_until, serving_at
+from pipeline.schema.history import document_of, looks, served_until, serving_at
 from pipeline.schema.store import StoreError, read_json, write_json
 from pipeline.schema.verdict import Canary, Verdict
 from tests.bundled_project import GOLDEN, MACHINE, project, quick_stores, source, spindle
@@ -122,7 +121,7 @@ def test_each_is_refused_by_its_rule_and_the_history_tells_it(
         promote(MACHINE, root, why="try", by="Kim", now=NOON)
     first, last = history_of(MACHINE, root)
     assert (first.event, last.event, last.version, last.sealed) == ("first", "refused", 2, "")
-    decision = read_json(decision_path(last, root), Decision)
+    decision = read_json(document_of(history_path(MACHINE, root), last), Decision)
     assert decision.against[0].name == rule and len(decision.against) <= 1 + (rule == "not worse")
     if change is bad_in_one:
         assert f"worst in {GOLDEN[1]}" in decision.objections
@@ -151,7 +150,7 @@ def test_a_better_spindle_serves_beside_an_old_failure_comes_back_and_all_is_tol
     now = promote(MACHINE, root, why="new oil", by="Kim", now=NOON)
     assert (now.version, now.serving) == (2, ("spindle",))
     entry = history_of(MACHINE, root)[-1]
-    decision = read_json(decision_path(entry, root), Decision)
+    decision = read_json(document_of(history_path(MACHINE, root), entry), Decision)
     results = {one.name: one.result for one in decision.rules}
     assert results == dict.fromkeys(results, "kept") | {"newest day": "no data"}
     failing = next(one for one in decision.rules if one.name == "no new failure")
@@ -170,7 +169,7 @@ def test_a_better_spindle_serves_beside_an_old_failure_comes_back_and_all_is_tol
     assert metrics["gate/may serve"] == 1.0 and metrics["gate/no new failure"] == 1.0
     assert any(key.startswith("gate/not worse/spindle") for key in metrics)
     files = {one.path for one in client.list_artifacts(version.run, "gate")}
-    assert files == {"gate/decision.json", "gate/decision.md"}
+    assert files == {"gate/decision.json"}
     # back, within the warm hours without a question
     back = rollback(MACHINE, root, why="noise in the bearing", by="Lee", now=at(47))
     assert back.version == 1 and read_champions(root / "champions.json").machines[MACHINE] == back
@@ -230,8 +229,38 @@ def test_a_history_that_was_changed_is_refused_with_its_line(root: Path) -> None
     with pytest.raises(StoreError, match=r"mill01.jsonl, line 2 does not follow the line before"):
         settle(MACHINE, root)
     path.write_text("no line\n")
+    (root / "champions.json").write_text('{"machines": {}}')
     with pytest.raises(StoreError, match=r"line 1 is no JSON.*git checkout"):
         champion_of(MACHINE, root)
+
+
+def test_the_last_line_and_the_decisions_are_guarded_too(root: Path) -> None:
+    challenged(root, 0.0, None)
+    promote(MACHINE, root, why="new oil", by="Kim", now=NOON)
+    path = history_path(MACHINE, root)
+    lines = path.read_text()
+    for changed in (lines.replace("new oil", "old oil"), lines.partition("\n")[0] + "\n", ""):
+        path.write_text(changed)
+        for read in (history_of, events, settle):
+            with pytest.raises(StoreError, match=r"lacks the entry .* by champions.json; .*git ch"):
+                read(MACHINE, root)
+    path.write_text(lines)
+    document = document_of(path, history_of(MACHINE, root)[-1])
+    document.write_text(document.read_text().replace("new oil", "old oil"))
+    with pytest.raises(StoreError, match=r"0002.json is not the decision that .*line 2 names"):
+        judged(MACHINE, root)
+
+
+def test_a_further_rollback_goes_one_further_back(root: Path) -> None:
+    for error_K in (0.5, 0.0):
+        challenged(root, error_K, None)
+        promote(MACHINE, root, why="better", by="Kim", now=NOON)
+    for version in (2, 1):
+        assert rollback(MACHINE, root, why="noise", by="Lee", now=at(1)).version == version
+    with pytest.raises(ValueError, match=r"before version 1; for --to there are 2, 3$"):
+        rollback(MACHINE, root, why="noise", now=at(2))
+    assert rollback(MACHINE, root, why="mended", to=3, now=at(2)).version == 3
+    assert rollback(MACHINE, root, why="not mended", now=at(3)).version == 1
 
 
 def test_the_files_follow_the_history(root: Path) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.monitoring.budget import MonitoringSettings
-from pipeline.monitoring.nightly import ServingModel, scored, serving_model
+from pipeline.monitoring.nightly import ServingModel, scored
 from pipeline.schema.drive import DriveModel
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.ledger import Night
@@ -133,7 +133,9 @@ def serving_of(
     targets = one.targets(judging, model)
     found = judge(model, one.load(folder, judging), cases, targets, sets=None, files={})
     write_json(found.verdict, folder / "verdict.json")
-    return serving_model(one, folder, judging, SETTINGS, bundle="b", sha256=name)
+    return ServingModel(
+        one=one, folder=folder, judging=judging, settings=SETTINGS, bundle="b", sha256=name
+    )
 
 
 def spindle_serving(folder: Path, seed: int) -> ServingModel:
@@ -271,7 +273,7 @@ def drive_nights(
 
 def run(serving: ServingModel, each: Iterator[tuple[str, tuple[Case, ...]]]) -> list[Night]:
     """Nights in a row, as those of many runs of the command."""
-    return scored(serving, each, (), SETTINGS)
+    return scored(serving, each, ())
 
 
 def first_ask(nights: list[Night], fault_from: int) -> tuple[int, Night] | None:

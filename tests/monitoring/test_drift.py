@@ -60,7 +60,8 @@ def held(serving: ServingModel, nights: Iterator[Any], reason: Reason, ask: Ask)
     asked = first_ask(found, BEFORE)
     assert asked is not None, "not asked for within three nights"
     assert asked[1].ask == ask, asked[1].words
-    # a first night may fit a sensor as well as less cooling: the nights together decide
+    # a first night may fit a sensor as well as less cooling: then it says so
+    assert {one.reason for one in found if one.ask} <= {reason, "not known"}
     last = [night for night in found if night.ask][-1]
     assert (last.reason, last.ask) == (reason, ask), last.words
 

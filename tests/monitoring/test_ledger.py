@@ -11,11 +11,14 @@ from typer.testing import CliRunner
 
 import pipeline.app.commands  # noqa: F401, its commands
 from pipeline.app.kerf import app
-from pipeline.monitoring.budget import MonitoringSettings
+from pipeline.monitoring.budget import Budget, MonitoringSettings
+from pipeline.monitoring.drift import decided
+from pipeline.monitoring.reasons import causes
 from pipeline.parameters import read_yaml
-from pipeline.schema.bundle import bundle_of, copy_bundle
-from pipeline.schema.ledger import Night, asks, latest, read_ledger, spent, write_ledger
+from pipeline.schema.bundle import Bundle, BundledModel, bundle_of, copy_bundle
+from pipeline.schema.ledger import Night, asks, latest, read_ledger, serving, spent, write_ledger
 from pipeline.schema.store import StoreError, write_text
+from pipeline.submodels.contract import Target
 from tests.bundled_project import MACHINE, SEALED, TRAINING, project, source, spindle
 from tests.small_project import inside
 from tests.submodels.spindle.spindle_days import ONE, state_table
@@ -168,12 +171,75 @@ def test_the_budget_spent_is_the_sum_of_the_shares_of_28_nights() -> None:
     assert spent([replace(ONE_NIGHT, share=None, result="no records")]) is None
 
 
-def test_an_ask_closes_with_another_model_or_seven_quiet_nights() -> None:
-    asking = replace(ONE_NIGHT, ask="identification", reason="sensor", result="over", share=2.0)
-    quiet = [replace(ONE_NIGHT, night=f"2026-02-{k:02d}") for k in range(1, 9)]
-    assert asks([asking, *quiet[:6]]) == [asking]
-    assert asks([asking, *quiet[:7]]) == []
-    assert asks([asking, replace(quiet[0], model="new")]) == []
+BUDGET = Budget(
+    target=Target(quantity="q", unit="K", limits={"mae": 1.0}), allowed={"mae": 1.0},
+    shares=(0.4, 0.5, 0.6),
+)  # fmt: skip
+
+
+def asking(share: float, nights: list[float]) -> list[Night]:
+    """Nights of two shares alike, then of ``nights``, each decided after those before it."""
+    found: list[Night] = []
+    for k, one in enumerate([share, share, *nights]):
+        night = replace(ONE_NIGHT, night=f"2026-03-{1 + k:02d}", share=one,
+                        result="over" if one > 1 else "within")  # fmt: skip
+        found += decided([night], found, {night.target: BUDGET}, MonitoringSettings())
+    return found
+
+
+def test_a_fault_that_lasts_is_asked_for_until_the_errors_are_back_for_seven_nights() -> None:
+    (lasting,) = asks(asking(2.0, [2.0] * 25))
+    assert (lasting.since, lasting.night) == ("2026-03-02", "2026-03-27")
+    (within,) = asks(asking(2.0, [0.95] * 25))
+    assert within.result == "within", "errors twice those of the judgement are not back"
+    assert len(asks(asking(2.0, [0.5] * 5))) == 1
+    assert asks(asking(2.0, [0.5] * 7)) == []
+    (again,) = asks(asking(2.0, [0.5] * 9 + [2.0, 2.0]))
+    assert again.since == "2026-03-13"
+
+
+def test_a_rise_that_the_test_alarms_on_once_is_asked_for_as_long_as_it_lasts() -> None:
+    nights = asking(0.5, [0.5] * 4 + [0.9] * 18)
+    first = next(one.night for one in nights if one.ask)
+    assert [one.ask for one in nights if one.night >= first] == ["identification"] * sum(
+        one.night >= first for one in nights
+    )
+    assert {one.since for one in nights if one.ask} == {first}
+
+
+def test_a_cause_is_named_where_the_residuals_tell_it_from_the_others() -> None:
+    """Both explain the mean of a warm day; only the rise explains the warming up as well."""
+    night = replace(ONE_NIGHT, rmse=1.0)
+    quiet = [replace(night, night=f"2026-01-0{k}", rmse=0.1) for k in range(1, 4)]
+    rise = {"offset": 0.9**0.5, "temperature_rise": 0.91**0.5, "all": 0.95**0.5}
+    assert causes([replace(night, parts=rise)], quiet) == ["temperature_rise", "offset"]
+    assert causes([replace(night, parts=rise | {"offset": 0.7**0.5})], quiet) == [
+        "temperature_rise"
+    ]
+    thin = rise | {"offset": 0.84**0.5}
+    assert len(causes([replace(night, parts=thin)], quiet)) == 2, "a single night"
+    two = [replace(night, night=name, parts=thin) for name in NIGHTS[:2]]
+    assert causes(two, quiet) == ["temperature_rise"]
+    found = decided([replace(night, parts=rise, share=2.0, result="over")],
+                    [*quiet, replace(night, night="2026-01-10", share=2.0, result="over")],
+                    {night.target: BUDGET}, MonitoringSettings())  # fmt: skip
+    assert found[0].reason == "not known" and "heat or sensor, not clear yet" in found[0].words
+
+
+def test_an_ask_is_of_the_model_that_serves_and_missing_records_end_with_some() -> None:
+    nights = asking(2.0, [])
+    lost = replace(ONE_NIGHT, quantity="", night="2026-03-04", share=None, result="no records",
+                   ask="records", since="2026-03-04")  # fmt: skip
+    assert [one.ask for one in asks([*nights, lost])] == ["identification", "records"]
+    back = replace(ONE_NIGHT, night="2026-03-05")
+    assert asks([*nights, lost, back]) == []
+
+    def bundle(sha256: str) -> Bundle:
+        models = {"spindle": BundledModel(sha256=sha256, status="passed")}
+        return Bundle(machine="m", origin="recorded", sha256="b", submodels=models)
+
+    assert serving(nights, bundle("m")) == tuple(nights)
+    assert serving(nights, bundle("new")) == serving(nights, None) == ()
 
 
 def test_settings_out_of_range_are_refused_and_conf_has_the_defaults() -> None:

@@ -9,7 +9,9 @@ from pipeline.report.drift import drift_actions, drift_section
 from pipeline.report.facts import MachineFacts, machine_facts
 from pipeline.report.folders import MachineFolders
 from pipeline.report.texts import texts
+from pipeline.schema.bundle import Bundle, BundledModel
 from pipeline.schema.ledger import Night, write_ledger
+from pipeline.schema.store import write_json
 
 QUIET = Night(
     night="2026-02-03", bundle="b", model="m", submodel="spindle", quantity="spindle_temperature",
@@ -17,6 +19,7 @@ QUIET = Night(
 )  # fmt: skip
 ASKS = replace(
     QUIET, night="2026-02-04", share=1.4, result="over", ask="identification", reason="heat",
+    since="2026-02-01",
     rule="over the error budget on two nights running", words="it goes with the temperature",
 )  # fmt: skip
 
@@ -24,10 +27,14 @@ ASKS = replace(
 def facts(root: Path, *nights: Night) -> MachineFacts:
     path = root / "ledger/mill.jsonl"
     write_ledger(nights, path)
+    served = {"spindle": BundledModel(sha256="m", status="passed")}
+    bundle = Bundle(machine="mill", origin="recorded", sha256="b", submodels=served)
+    write_json(bundle, root / "champion/bundle.json")
     return machine_facts(
         MachineFolders(
             name="mill", signals=root, clean=root, models=root / "models", golden=root / "g.json",
             origin="recorded", submodels=("spindle",), ledger=path,
+            champion=root / "champion",
         )
     )  # fmt: skip
 
@@ -50,6 +57,7 @@ def test_the_page_says_in_one_sentence_whether_a_model_drifted(
     (row,) = drift_actions(found, say)
     assert row.action.who == "maintenance" and row.href == "#drift"
     assert row.action.what in asking.text[0]
+    assert say.day("2026-02-01", year=True) in asking.text[0], "not since the first night"
     (table,) = asking.blocks
     (cells,) = table.rows  # type: ignore[union-attr]
     assert "28" in cells[2].text and "140" in cells[2].text and cells[-1].status == "failed"

@@ -103,6 +103,18 @@ def test_each_removed_value_is_one_audit_row(signals, tmp_path):
     assert summary["total"]["removed"] == {"counter": 2, "zero": 60}
 
 
+def test_a_speed_beyond_the_machine_is_removed_and_counted(tmp_path):
+    """-1 read as a word of sixteen bits is a number that some spindle could have, not this one."""
+    rows = [(k, "S", 65535 if k in (3, 4) else 8000) for k in range(10)]
+    record(tmp_path / "signals", "a", rows, "2024-03-04T08:00:00")
+    reach = CleanMachine(signals={"spindle_speed": "S"}, highest={"spindle_speed": 14400})
+    summary = clean(tmp_path / "signals", tmp_path / "clean", machine=reach)
+    assert summary["total"]["removed"] == {"out_of_range": 2}
+    assert read(tmp_path / "clean/state/2024-03-04.parquet")["spindle_speed"].max() == 8000
+    with pytest.raises(ValueError, match="highest of 'program' in the machine's mapping"):
+        CleanMachine(highest={"program": 1})
+
+
 def test_cycles_and_seconds_in_states(signals, tmp_path):
     summary = clean(signals, tmp_path / "clean", machine=MACHINE)
     found = read(tmp_path / "clean" / "cycles.parquet")

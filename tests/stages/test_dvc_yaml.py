@@ -90,6 +90,8 @@ def test_the_stage_declares_its_sections(name: str) -> None:
     declared = {section_path(values, one, some) for one in of_machine}
     if "data/settings/catalogue.json" in paths(stage.get("deps", [])):
         declared |= found & set(CATALOGUES)
+    if MACHINE_FILE in paths(stage.get("deps", [])):  # every section
+        declared |= found
     assert declared | set(parameters(stage)[""]) == found
 
 
@@ -117,6 +119,11 @@ def test_a_fit_and_its_verdict_depend_on_what_is_frozen_of_their_machine(name: s
     assert "data/golden" not in paths(stage.get("deps", [])), "a set of another machine"
 
 
+def test_what_serves_is_scored_by_every_section_that_it_may_be_judged_by() -> None:
+    """The night's stage looks sub-models and their limits up by name."""
+    assert MACHINE_FILE in paths(definition("nightly")["deps"])
+
+
 FOR_ALL = ("ingest", "clean", "index", "champion", "nightly")
 """Stages of every machine, whatever it has records for."""
 
@@ -125,7 +132,7 @@ FOR_ALL = ("ingest", "clean", "index", "champion", "nightly")
 def test_a_stage_of_every_machine_depends_on_nothing_that_only_some_have(one: str) -> None:
     """DVC refuses a dependency that no stage writes."""
     always = {path for one in FOR_ALL for path in paths(definition(one)["outs"])}
-    always |= {"data/raw/${item}", "data/settings/machine/${item}.json"}
+    always |= {"data/raw/${item}", "data/settings/machine/${item}.json", MACHINE_FILE}
     for dep in paths(definition(one).get("deps", [])):
         held = any(dep == out or dep.startswith(f"{out}/") or out.startswith(f"{dep}/")
                    for out in always)  # fmt: skip

@@ -51,29 +51,28 @@ EXCHANGED = [(2.0, 4, 40), (0.0, 10, 1), (0.5, 30, 1)]
 def test_exchangeable_groups_are_covered_and_no_wider_than_they_need(
     count: int, between: float, samples: int
 ) -> None:
-    """90 % in the mean, of few groups too; from ten on hardly wider than if all were known.
+    """90 % in the mean; from ten on hardly wider than if all were known.
 
-    The allowance is what so many draws of ``count`` groups leave open, most where each group is
-    one number in effect.
+    Four groups of one sample each hold what four of them can, K / (K + 1).  The allowance is what
+    so many draws of ``count`` groups leave open, most where each group is one number in effect.
     """
     generator = np.random.default_rng(1)
     shares, widths = [], []
     for _ in range(60):
         new = days(generator, 30, between=between, samples=samples).error
-        band = bands(days(generator, count, between=between, samples=samples), alike=True)[""]
+        band = bands(days(generator, count, between=between, samples=samples))[""]
         shares.append(inside(new, -band.lower, band.upper))
         widths.append(band.upper / np.hypot(between, 1.0))
-    assert np.mean(shares) == pytest.approx(0.9, abs=0.04 if count > 4 else 0.06)
-    assert np.median(widths) < 1.645 * {4: 1.5, 10: 1.25, 30: 1.1}[count]
+    expected = count / (count + 1) if count * samples < 9 else 0.9
+    assert np.mean(shares) == pytest.approx(expected, abs=0.04 if count > 4 else 0.06)
+    assert np.median(widths) < 1.645 * {4: 1.5, 10: 1.25, 30: 1.15}[count]
 
 
-@pytest.mark.parametrize(
-    "between",
-    [0.0, *(pytest.param(one, marks=pytest.mark.proof) for one in (0.5, 2.0)), 20.0],
-)
-def test_few_groups_of_kinds_get_the_widest_of_their_own_and_hold_their_share(
-    between: float,
-) -> None:
+def few_groups(between: float) -> list[float]:
+    """Share of a new group's samples in an interval from four others, 300 times.
+
+    That interval is never wider than the greatest of the four groups' own 90 % quantiles.
+    """
     generator = np.random.default_rng(2)
     shares = []
     for _ in range(300):
@@ -82,13 +81,26 @@ def test_few_groups_of_kinds_get_the_widest_of_their_own_and_hold_their_share(
         old = found.where(~new)
         band = bands(old)[""]
         own = [np.quantile(np.abs(old.error[old.group == f"day {k}"]), 0.9) for k in range(4)]
-        assert band.upper == pytest.approx(max(own)) and band.groups == 4
+        assert band.upper <= 1.01 * max(own) and band.groups == 4
         shares.append(inside(found.error[new], -band.lower, band.upper))
-    # four of five, K / (K + 1), within the noise of 300 new groups that are in or out
+    return shares
+
+
+@pytest.mark.parametrize("between", [0.0, 0.5, 2.0])
+def test_few_groups_hold_90_percent_of_a_new_one_in_the_mean_or_a_little_more(
+    between: float,
+) -> None:
+    shares = few_groups(between)
+    assert 0.88 - 2 * np.std(shares) / 300**0.5 <= np.mean(shares) <= 0.94
+
+
+def test_few_groups_that_have_nothing_in_common_hold_all_but_the_share_of_the_next() -> None:
+    """Each new group is in or out: four of five, K / (K + 1), less what the worst leaves out."""
+    shares = few_groups(20.0)
     assert np.mean(shares) >= 0.8 - 3 * 0.4 / np.sqrt(300)
 
 
-def test_the_half_width_of_a_regime_is_its_own_and_the_factor_is_shared() -> None:
+def test_the_half_width_of_a_regime_is_its_own() -> None:
     """Ten alike groups: rough hours get ten times the width of calm ones, not the worst of each."""
     generator = np.random.default_rng(5)
     found = days(generator, 10, between=0.0, samples=400)
@@ -97,7 +109,7 @@ def test_the_half_width_of_a_regime_is_its_own_and_the_factor_is_shared() -> Non
     mixed = Residuals(
         error=np.where(rough, 10, 1) * found.error, regime=words, group=found.group, t=found.t
     )
-    band = bands(mixed, alike=True)
+    band = bands(mixed)
     assert band["calm"].upper == pytest.approx(1.645, rel=0.1)
     assert band["rough"].upper == pytest.approx(16.45, rel=0.15)
 

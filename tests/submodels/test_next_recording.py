@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.charts.judged import gain_words
 from pipeline.schema.model import Condition, Model, Parameter, Training
 from pipeline.schema.verdict import Fact, JudgedCase, OutsideConditions, Score, Verdict
 from pipeline.submodels.next_recording import (
@@ -27,16 +28,27 @@ def at(*places, many=1):
     return np.repeat([(1.0, x) for x in places], many, axis=0)
 
 
-def line(half=(0.1, 0.1), **changed):
+def told(*rows):
+    """Information of some rows."""
+    return np.vstack(rows).T @ np.vstack(rows)
+
+
+ENDS = at(-1, 1, many=10)
+CANDIDATES = {
+    "at the middle": at(0, many=20), "at the ends": ENDS,
+    "beyond one end": at(1.5, many=2),
+}  # fmt: skip
+
+
+def line(half=(0.1, 0.1), rows=ENDS, candidates=CANDIDATES, **changed):
     """A line measured ten times at -1 and ten times at 1, judged at 0 and at 2."""
     own = {
         "names": ("level", "slope"), "units": ("N", "N/mm"), "half_widths": np.array(half),
-        "floors": np.zeros(2), "sizes": np.array([1.0, 1.0]), "rows": at(-1, 1, many=10),
-        "judged": at(0, 2), "interval": "force", "unit": "N", "limit": 1.0,
+        "floors": np.zeros(2), "sizes": np.array([1.0, 1.0]), "information": told(rows),
+        "judged": at(0, 2), "interval": "force", "unit": "N", "limit": 1.0, "independent": 1000,
         "candidates": [
-            Candidate(record="at the middle", minutes=20.0, rows=at(0, many=20)),
-            Candidate(record="at the ends", minutes=20.0, rows=at(-1, 1, many=10)),
-            Candidate(record="beyond one end", minutes=20.0, rows=at(1.5, many=2)),
+            Candidate(record=words, information=told(rows, more))
+            for words, more in candidates.items()
         ],
     }  # fmt: skip
     return Design(**(own | changed))
@@ -44,7 +56,7 @@ def line(half=(0.1, 0.1), **changed):
 
 def test_now_is_what_the_stated_intervals_leave_open():
     # X'X = 20 I: level and slope are independent, and the mean variance is that of 1 + 0 and 1 + 4
-    assert line().half_width(np.ones(2, bool)) == pytest.approx(0.1 * np.sqrt((1 + 5) / 2))
+    assert line().half_width() == pytest.approx(0.1 * np.sqrt((1 + 5) / 2))
 
 
 def test_the_best_of_a_line_is_measured_at_its_ends_and_gains_as_known():
@@ -65,36 +77,32 @@ def test_the_best_of_a_line_is_measured_at_its_ends_and_gains_as_known():
 def test_units_of_the_parameters_do_not_matter():
     scale = np.array([1e6, 1e-6])
     small = line(
-        half_widths=np.array((0.1, 0.1)) * scale, sizes=scale, rows=at(-1, 1, many=10) / scale,
+        np.array((0.1, 0.1)) * scale, at(-1, 1, many=10) / scale,
+        {words: rows / scale for words, rows in CANDIDATES.items()}, sizes=scale,
         judged=at(0, 2) / scale,
-        candidates=[replace(c, rows=c.rows / scale) for c in line().candidates],
     )  # fmt: skip
     assert by_design(small) == by_design(line())
 
 
 def test_what_no_recording_narrows_stays():
     floored = line(half=(0.1, 0.1), floors=np.array([0.08, 0.08]))
-    every = np.ones(2, bool)
-    assert floored.half_width(every) == pytest.approx(line().half_width(every))
-    much = at(-1, 1, many=10**6)
+    assert floored.half_width() == pytest.approx(line().half_width())
+    much = told(at(-1, 1, many=10**6))
     # 0.08 of both, over judged variances 1 and 5
-    assert floored.half_width(every, much) == pytest.approx(0.08 * np.sqrt(3), rel=1e-3)
+    assert floored.half_width(much) == pytest.approx(0.08 * np.sqrt(3), rel=1e-3)
 
 
-def test_a_nuisance_of_known_spread_is_not_averaged_out():
-    # a common offset of the sensor, standard deviation 3 of a row's, read by every row
-    def offset(rows):
-        return np.column_stack([rows, np.ones(len(rows))])
-
-    own = line(
-        half=(0.1, 0.1, 0.0), names=("level", "slope", "offset"), units=("N", "N/mm", "1"),
-        floors=np.zeros(3), sizes=np.ones(3),
-        rows=np.vstack([offset(at(-1, 1, many=10)), [(0.0, 0.0, 1 / 3)]]),
-        judged=np.pad(at(0), ((0, 0), (0, 1))),
-    )  # fmt: skip
-    every, more = np.ones(3, bool), offset(at(-1, 1, many=10))
-    ratio = own.half_width(every, more) / own.half_width(every)
-    assert ratio == pytest.approx(np.sqrt((9 + 1 / 40) / (9 + 1 / 20)), rel=1e-6)
+def test_a_gain_below_what_chance_does_is_not_promised():
+    # 29.3 % at the ends; an interval from n units varies by 1 / sqrt(2 (n - 1))
+    seen, lost = by_design(line(independent=8)), by_design(line(independent=6))
+    assert (seen[0].uncertain_percent, lost[0].uncertain_percent) == (26.7, 31.6)
+    assert seen[0].noticed and seen[0].proposal == "at the ends"
+    (best,) = lost
+    assert best.gain_percent == seen[0].gain_percent and best.expected == seen[0].expected
+    assert best.proposal == (
+        "no recording of 20 minutes narrows it noticeably; the best would be: at the ends"
+    )
+    assert "(29.3 %, it varies by chance by 31.6 %)" in gain_words(best)
 
 
 def test_what_determines_a_lost_parameter_comes_first():
@@ -113,15 +121,15 @@ def test_what_determines_a_lost_parameter_comes_first():
 def test_nothing_known_gives_nothing():
     assert by_design(line(half=(np.nan, np.nan))) == []
     assert by_design(line(judged=np.zeros((0, 2)))) == []
-    assert by_design(line(candidates=())) == []
+    assert by_design(line(candidates={})) == []
 
 
 def test_the_axis_whose_interval_is_widest_for_its_size_comes_first():
     wide, narrow = line(limit=0.5), line(limit=5.0, interval="other")
-    found = next_recordings("a", "b", MODEL, VERDICT, [narrow, wide])
+    found = next_recordings("a", MODEL, VERDICT, [narrow, wide])
     assert [one.interval for one in found] == ["force"] * 3 + ["other"]
     lost = line(half=(0.1, np.nan), rows=at(0, many=20), noise=0.2, limit=50.0)
-    found = next_recordings("a", "b", MODEL, VERDICT, [wide, lost])
+    found = next_recordings("a", MODEL, VERDICT, [wide, lost])
     assert found[0].interval == "slope"
 
 
@@ -166,7 +174,7 @@ VERDICT = Verdict(
 
 
 def test_without_a_design_remedy_conditions_and_groups_speak():
-    remedy, covers, groups = next_recordings("toy", "its signals", MODEL, VERDICT, ())
+    remedy, covers, groups = next_recordings("toy", MODEL, VERDICT, ())
     assert (remedy.record, remedy.interval, remedy.method) == ("record reversals", "X play", REMEDY)
     assert remedy.now is None
     # of the two cases one is a width of the learnt range beyond it: factors 1 and 2
@@ -182,6 +190,6 @@ def test_without_a_design_remedy_conditions_and_groups_speak():
 
 def test_without_a_verdict_on_anything_the_remedy_stands_alone():
     bare = replace(VERDICT, scores=(), outside=(), cases=(), judged_role=None)
-    assert [one.method for one in next_recordings("toy", "x", MODEL, bare, ())] == [REMEDY]
+    assert [one.method for one in next_recordings("toy", MODEL, bare, ())] == [REMEDY]
     known = replace(MODEL, parameters={})
-    assert next_recordings("toy", "x", known, bare, ()) == ()
+    assert next_recordings("toy", known, bare, ()) == ()

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from pipeline.schema.bundle import Bundle, BundledModel
-from pipeline.schema.decision import Decision, Side
+from pipeline.schema.decision import Decision, PromotionSettings, Side
 from pipeline.schema.golden import read_golden
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.verdict import Role, Score, Status, Verdict
@@ -16,7 +16,6 @@ from pipeline.submodels.cases import Cases, Records, Roles
 from pipeline.submodels.contract import submodel
 from pipeline.submodels.promotion import (
     Contest,
-    PromotionSettings,
     compare,
     contest,
     first_rules,

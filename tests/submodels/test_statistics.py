@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.stats import t as student
 
 from pipeline.submodels.contract import Target
-from pipeline.submodels.judge import _scores, _shortfall
+from pipeline.submodels.judge import _shortfall, scores_of
 from pipeline.submodels.scoring import ALL, STEP
 from pipeline.submodels.statistics import LEVEL, gains, grid_step, uncertainty_of
 
@@ -177,13 +177,13 @@ def test_a_difference_within_the_steps_is_not_decided(by: str, column: bool) -> 
         quantity="error", unit="um", baselines=("persistence",), must_beat=("persistence",)
     )
     assert not column or STEP in frame
-    (score,) = (s for s in _scores(frame, target, "held_out", set(), 5) if s.group == ALL)
+    (score,) = (s for s in scores_of(frame, target, "held_out", set(), 5) if s.group == ALL)
     worse, unsure = _shortfall(score, "persistence", target)
     assert not worse and "the sensor's steps leave" in unsure[0]
     (score,) = (
-        s for s in _scores(frame.assign(step=0.0), target, "held_out", set(), 5) if s.group == ALL
+        s for s in scores_of(frame.assign(step=0.0), target, "held_out", set(), 5) if s.group == ALL
     )
     assert _shortfall(score, "persistence", target)[0]
     far = frame.assign(baseline_persistence=measured)
-    (score,) = (s for s in _scores(far, target, "held_out", set(), 5) if s.group == ALL)
+    (score,) = (s for s in scores_of(far, target, "held_out", set(), 5) if s.group == ALL)
     assert _shortfall(score, "persistence", target)[0]

@@ -196,9 +196,8 @@ def clean_day(
     all_gaps = list(lost.gaps)
     clean: dict[str, Series] = {}
     items: Carry = {}
-    signals = machine.signal_of
     for item in machine.items:
-        one = Item(item, COLUMNS[signals[item]], carry.get("items", {}).get(item, {}))
+        one = Item(item, machine.column(item), carry.get("items", {}).get(item, {}))
         one.read(rows)
         audit += [a for a in one.glitches(settings, lost) if start <= a.time < end]
         all_gaps += one.gaps(lost, reporting.get(item, ReportingInterval()), settings)

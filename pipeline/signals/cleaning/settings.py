@@ -1,13 +1,15 @@
 """Settings of cleaning: data items of a machine's signals, and rules."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
+import numpy as np
+
 from pipeline.schema.days import UTC, check_zone
-from pipeline.schema.ranges import Range, Ranged
+from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.schema.si import DAY
-from pipeline.signals.columns import COLUMNS, column
+from pipeline.signals.columns import COLUMNS, Column, column
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +48,9 @@ class CleanMachine:
 
     signals: Mapping[str, str] = field(default_factory=dict)
     """Canonical signal -> name of the data item or of the trace channel."""
+    highest: Mapping[str, Positive] = field(default_factory=dict)
+    """Canonical signal -> greatest size that it has on this machine, in the signal's unit: what is
+    beyond, as -1 read as 65535, is no value of it."""
     position_control: PositionControl | None = None
     """Signs of position control, for machines whose spindle also works as a C axis."""
     warm_up_programs: tuple[str, ...] = ()
@@ -56,6 +61,9 @@ class CleanMachine:
 
     def __post_init__(self) -> None:
         check_zone(self.time_zone)
+        for name in self.highest:
+            if column(name).text:
+                raise ValueError(f"highest of {name!r} in the machine's mapping: it has no numbers")
         seen: dict[str, str] = {}
         for name, item in self.signals.items():
             column(name)
@@ -71,6 +79,12 @@ class CleanMachine:
         """Data item or channel -> the signal that it is."""
         spindle = {} if self.position_control is None else self.position_control.signals
         return spindle | {item: name for name, item in self.signals.items()}
+
+    def column(self, item: str) -> Column:
+        """Signal of a data item or channel, within what this machine reaches."""
+        own = COLUMNS[self.signal_of[item]]
+        most = self.highest.get(own.name, np.inf)
+        return replace(own, low=max(own.low, -most), high=min(own.high, most))
 
     @property
     def items(self) -> tuple[str, ...]:

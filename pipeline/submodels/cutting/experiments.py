@@ -2,26 +2,18 @@
 
 Rows are the mean forces over a revolution, linear in the six coefficients, with the errors of
 :mod:`.law_draws`: zeros, a gain and a wear of each recording, by which its rows are whitened, and
-what more recordings do not average out, each a nuisance with its prior: the shares of the channels
+what more recordings do not average out, each a nuisance of known spread: the shares of the channels
 in each other, wear in the order of the feeds, a size effect and an edge force that grows with the
 chip, as far as they bend a straight line over the named range of feeds.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import permutations
 
 import numpy as np
 
-from pipeline.cutting.force.force_law import (
-    COEFFICIENTS,
-    N_MM,
-    N_MM2,
-    design,
-    local_lines,
-    regressors,
-)
+from pipeline.cutting.force.force_law import COEFFICIENTS, N_MM, N_MM2, design, local_lines
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import CutConditions, CuttingModel
 from pipeline.schema.si import MM
@@ -55,59 +47,57 @@ def cutting_design(
         return
     units = np.array([N_MM2] * 3 + [N_MM] * 3)
     sizes = np.where(np.isfinite(values), values, np.nanmax(values[:3]) / 10) * units
-    rows = partial(_rows, sizes=sizes, zero=model.fit.zero_N, named=named_range(training))
+    zero, named = max(model.fit.zero_N, LEAST_N), named_range(training)
     intervals = [getattr(stated.get(name), "interval_95", None) for name in COEFFICIENTS]
     half = np.array([np.nan if i is None else (i[1] - i[0]) / 2 for i in intervals]) * units
-    means = _means(judged)
-    known = np.concatenate([half, np.zeros(NUISANCES)])
-    prior = np.eye(len(known))[6:]
+    means = _table(judged)
     yield Design(
-        names=(*COEFFICIENTS, *("nuisance",) * NUISANCES), half_widths=known,
-        units=("N/m^2",) * 3 + ("N/m",) * 3 + ("1",) * NUISANCES, floors=np.zeros(len(known)),
-        sizes=np.concatenate([sizes, np.ones(NUISANCES)]), rows=np.vstack([rows(training), prior]),
-        judged=np.pad(means, ((0, 0), (0, NUISANCES))), interval=INTERVAL, unit="N",
+        names=COEFFICIENTS, units=("N/m^2",) * 3 + ("N/m",) * 3, half_widths=half,
+        floors=np.zeros(6), sizes=sizes, information=_information(training, sizes, zero, named),
+        independent=len(training), judged=means, interval=INTERVAL, unit="N",
         limit=float(np.linalg.norm(means @ sizes)) / len(judged) ** 0.5,
         candidates=[
-            Candidate(record=f"{words}; {LOGGED}", minutes=20.0, rows=rows(cuts))
+            Candidate(
+                record=f"{words}; {LOGGED}",
+                information=_information([*training, *cuts], sizes, zero, named),
+            )
             for words, cuts in cut_series(training)
         ],
     )  # fmt: skip
 
 
-def _means(some: Sequence[CutConditions]) -> Floats:
-    """Derivatives of the mean forces by the six coefficients; shape (3 R, 6)."""
-    return regressors(
-        flutes=[c.flutes for c in some], f_z=[c.f_z for c in some], a_p=[c.a_p for c in some],
-        phi_st=[c.phi_st for c in some], phi_ex=[c.phi_ex for c in some],
-    ).reshape(-1, 6)  # fmt: skip
+def _table(some: Sequence[CutConditions], m: float = 0.0, growth: float = 0.0) -> Floats:
+    """Mean forces for each constant of a law; shape (3 R, 6)."""
+    return np.concatenate([design(one, (m,) * 3, growth) for one in some])
 
 
-def _rows(
-    some: Sequence[CutConditions], *, sizes: Floats, zero: float, named: Sequence[CutConditions]
+def _information(
+    some: Sequence[CutConditions], sizes: Floats, zero: float, named: Sequence[CutConditions]
 ) -> Floats:
-    """Whitened derivatives of the mean forces by coefficients and nuisances; (3 R, 15)."""
-    laws = [((SIZE_EFFECT,) * 3, 0.0), ((0.0,) * 3, GROWTH)]
+    """Information of the mean forces of some cuts on the coefficients alone; shape (6, 6)."""
+    laws = [(SIZE_EFFECT, 0.0), (0.0, GROWTH)]
     lines = [
-        local_lines(np.array([m]), np.array([growth]), sizes[None], named)[0] for m, growth in laws
+        local_lines(np.full((1, 3), m), np.array([growth]), sizes[None], named)[0]
+        for m, growth in laws
     ]
     middle = float(np.sqrt(named[0].f_z * named[-1].f_z))
-    found = []
+    both = np.zeros((6 + NUISANCES, 6 + NUISANCES))
     for c in some:
-        table = _means([c])
+        table = _table([c])
         force, edge = table @ sizes, table[:, 3:] @ (sizes[3:] * np.array([FRICTION, 1.0, 0.0]))
         # what each nuisance at its standard deviation adds to the three means
-        columns = [
-            CROSSTALK * force[b] * np.eye(3)[a] for a, b in permutations(range(3), 2)
-        ]  # fmt: skip
-        columns.append(WEAR * np.sqrt(0.5) * edge * np.log(c.f_z / middle))
-        for (m, growth), line in zip(laws, lines, strict=True):
-            bend = design(c, m, growth) @ sizes - table @ line
-            columns.append(bend)
-        covariance = max(zero, LEAST_N) ** 2 * np.eye(3)
-        covariance += GAIN**2 * np.outer(force, force) + WEAR**2 / 2 * np.outer(edge, edge)
-        lower = np.linalg.cholesky(covariance)
-        found.append(np.linalg.solve(lower, np.column_stack([table, *columns])))
-    return np.concatenate(found)
+        nuisances = np.column_stack([
+            *(CROSSTALK * force[b] * np.eye(3)[a] for a, b in permutations(range(3), 2)),
+            WEAR * np.sqrt(0.5) * edge * np.log(c.f_z / middle),
+            *(_table([c], *law) @ sizes - table @ line
+              for law, line in zip(laws, lines, strict=True)),
+        ])  # fmt: skip
+        own = GAIN**2 * np.outer(force, force) + WEAR**2 / 2 * np.outer(edge, edge)
+        columns = np.hstack([table, nuisances])
+        both += columns.T @ np.linalg.solve(own + zero**2 * np.eye(3), columns)
+    rest = slice(6, None)
+    known = both[rest, rest] + np.eye(NUISANCES)
+    return np.asarray(both[:6, :6] - both[:6, rest] @ np.linalg.solve(known, both[rest, :6]))
 
 
 def cut_series(training: Sequence[CutConditions]) -> Iterator[tuple[str, list[CutConditions]]]:

@@ -81,14 +81,18 @@ def _design(letter: str, model: DriveModel, some: Regressors, others: Regressors
         names += [f"{letter} {words}, {direction}" for words in WORDS]
         units += [own["coulomb"].unit, own["coulomb"].unit, "1", own["viscous"].unit]
     sizes_ = np.maximum(np.array(sizes), 1e-12)
-    rows = _of_table(some, axis)
+    rows = _once(_of_table(some, axis), some.stroke)
     return Design(
         names=tuple(names), units=tuple(units), half_widths=np.array(half), sizes=sizes_,
-        floors=np.array(floors) * sizes_, rows=rows,
+        floors=np.array(floors) * sizes_, information=rows.T @ rows,
+        independent=len(np.unique(some.stroke)),
         noise=None if np.isfinite(half).all() else _noise(some, rows),
-        judged=_of_table(others, axis, by_stroke=False), unit=axis.force_unit,
+        judged=_of_table(others, axis), unit=axis.force_unit,
         interval=f"{FORCE} {letter} of the judged recordings, by mass and friction",
-        limit=max(axis.constant_level, 1e-12), candidates=list(_candidates(letter, axis, some)),
+        limit=max(axis.constant_level, 1e-12), candidates=[
+            Candidate(record=words, information=rows.T @ rows + more.T @ more)
+            for words, more in _recordings(letter, axis, some)
+        ],
     )  # fmt: skip
 
 
@@ -114,8 +118,8 @@ def _amplitude(friction: DirectionFriction) -> float:
     return friction.static - friction.coulomb or AMPLITUDE * friction.coulomb
 
 
-def _of_table(table: Regressors, axis: DriveAxis, *, by_stroke: bool = True) -> Floats:
-    """Derivatives of the force in the rows of a table by the nine parameters, as filtered there."""
+def _of_table(table: Regressors, axis: DriveAxis) -> Floats:
+    """Derivatives of the force by the nine parameters, filtered as the rows of a table are."""
     linear = {name: table.linear[:, k] for k, name in enumerate(table.names)}
     log = np.log([one.stribeck_velocity for one in _directions(axis)])
     static, slope = table.stribeck_columns(log), table.stribeck_slopes(log)
@@ -123,8 +127,21 @@ def _of_table(table: Regressors, axis: DriveAxis, *, by_stroke: bool = True) -> 
     for k, (direction, friction) in enumerate(zip(DIRECTIONS, _directions(axis), strict=True)):
         columns += [linear[f"coulomb_level_{direction}"], static[:, k],
                     _amplitude(friction) * slope[:, k], linear[f"viscous_{direction}"]]  # fmt: skip
-    rows = np.column_stack(columns)
-    return _once(rows, table.stroke) if by_stroke else rows
+    return np.column_stack(columns)
+
+
+def _derivatives(velocity: Floats, acceleration: Floats, axis: DriveAxis) -> Floats:
+    """The same at each row of a motion that was not recorded; shape (N, 9)."""
+    columns = [acceleration]
+    for sign, friction in zip((1.0, -1.0), _directions(axis), strict=True):
+        speed = np.maximum(sign * velocity, 0.0)
+        moves, share = sign * (speed > 0), (speed / friction.stribeck_velocity) ** 2
+        static = np.exp(-share)
+        columns += [
+            moves * each for each in
+            (np.ones(len(speed)), static, 2 * _amplitude(friction) * share * static, speed)
+        ]  # fmt: skip
+    return np.column_stack(columns)
 
 
 def _once(rows: Floats, stroke: Ints) -> Floats:
@@ -133,7 +150,8 @@ def _once(rows: Floats, stroke: Ints) -> Floats:
     return np.asarray(rows / np.sqrt(count[member])[:, None])
 
 
-def _candidates(letter: str, axis: DriveAxis, table: Regressors) -> Iterator[Candidate]:
+def _recordings(letter: str, axis: DriveAxis, table: Regressors) -> Iterator[tuple[str, Floats]]:
+    """Recordings of strokes in words, with the rows that they would add."""
     fastest = float(np.abs(table.velocity).max())
     reach = max(float(np.ptp(table.position)) / 3, SHORT_M)
     rates = np.abs(table.linear[:, table.names.index("mass")])
@@ -148,43 +166,29 @@ def _candidates(letter: str, axis: DriveAxis, table: Regressors) -> Iterator[Can
     ]  # fmt: skip
     for words, speeds, longest in kinds:
         said = ", ".join(f"{1e3 * speed:.3g}" for speed in speeds)
-        strokes = list(_strokes(speeds, rate, longest))
-        yield Candidate(
-            record=f"move {letter} in air {words}, at {said} mm/s, over {1e3 * longest:.0f} mm or "
+        velocity, acceleration, stroke = _strokes(speeds, rate, longest, table.period)
+        yield (
+            f"move {letter} in air {words}, at {said} mm/s, over {1e3 * longest:.0f} mm or "
             f"{PLATEAU_S:g} s at most, for {RECORDED_S / 60:g} minutes in all, {LOGGED}",
-            minutes=20.0, rows=_of_strokes(strokes, axis, table.period),
-        )  # fmt: skip
+            _once(_derivatives(velocity, acceleration, axis), stroke),
+        )
 
 
 def _strokes(
-    speeds: Sequence[float], rate: float, longest: float
-) -> Iterator[tuple[Floats, Floats]]:
-    """Ramp and plateau [s] with speed and rate of each stroke, until the recording is over."""
-    left = RECORDED_S
+    speeds: Sequence[float], rate: float, longest: float, period: float
+) -> tuple[Floats, Floats, Ints]:
+    """Velocity, acceleration and number of the stroke, in rows of ``period`` [s]."""
+    velocities, accelerations, left = [], [], RECORDED_S
     while left > 0:
         for speed in speeds:
             peak = min(speed, float(np.sqrt(rate * longest)))
-            plateau = min(PLATEAU_S, max(longest / peak - peak / rate, 0.0))
-            for sign in (1.0, -1.0):
-                yield np.array([peak / rate, plateau]), sign * np.array([peak, rate])
-                left -= 2 * peak / rate + plateau + PAUSE_S
-
-
-def _of_strokes(strokes: Sequence[tuple[Floats, Floats]], axis: DriveAxis, period: float) -> Floats:
-    """Derivatives of the force along strokes, one row's weight a stroke; shape (N, 9)."""
-    parts, numbers = [], []
-    for number, ((ramp, plateau), (peak, rate)) in enumerate(strokes):
-        t = np.arange(0.5 * period, max(2 * ramp + plateau, period), period)
-        sign = np.sign(peak)
-        up, down = t < ramp, t > ramp + plateau
-        speed = abs(peak) * np.clip(np.minimum(t, 2 * ramp + plateau - t) / ramp, 0.0, 1.0)
-        mass = sign * abs(rate) * (up.astype(float) - down)
-        columns = [mass]
-        for way, friction in zip((1.0, -1.0), _directions(axis), strict=True):
-            share = (speed / friction.stribeck_velocity) ** 2
-            moves, static = sign * (sign == way), np.exp(-share)
-            slope = 2 * _amplitude(friction) * share * static
-            columns += [moves * each for each in (np.ones_like(speed), static, slope, speed)]
-        parts.append(np.column_stack(columns))
-        numbers.append(np.full(len(t), number))
-    return _once(np.concatenate(parts), np.concatenate(numbers))
+            ramp, plateau = peak / rate, min(PLATEAU_S, max(longest / peak - peak / rate, 0.0))
+            end = 2 * ramp + plateau
+            t = np.arange(0.5 * period, max(end, period), period)
+            velocity = peak * np.clip(np.minimum(t, end - t) / ramp, 0.0, 1.0)
+            acceleration = rate * ((t < ramp).astype(float) - (t > ramp + plateau))
+            velocities += [velocity, -velocity]
+            accelerations += [acceleration, -acceleration]
+            left -= 2 * (end + PAUSE_S)
+    stroke = np.repeat(np.arange(len(velocities)), [len(one) for one in velocities])
+    return np.concatenate(velocities), np.concatenate(accelerations), stroke

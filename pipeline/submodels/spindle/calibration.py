@@ -224,11 +224,11 @@ def calibrated(
         return Residuals.joined(_residuals(run, day, forest_used) for day, run in parts)
 
     in_windows = residuals("windows")
-    windows = bands(in_windows, alike=True)
+    windows = bands(in_windows)
     step = chosen_step(in_windows, windows, settings.steps, window_s)
     return replace(
         _without_bands(settings), windows=windows,
-        free_run=bands(residuals("free_run"), alike=True),
+        free_run=bands(residuals("free_run")),
         follow=AdaptiveSettings(step=step, delay_s=window_s),
     )  # fmt: skip
 

@@ -35,7 +35,6 @@ from pipeline.submodels.contract import (
     SubModel,
     Target,
 )
-from pipeline.submodels.next_recording import Design
 from pipeline.submodels.spindle.calibration import (
     ForestSettings,
     Recipe,
@@ -55,7 +54,6 @@ from pipeline.submodels.spindle.days import (
     predicted_day,
     with_interval,
 )
-from pipeline.submodels.spindle.experiments import spindle_design
 from pipeline.submodels.spindle.fit import (
     LOGARITHMIC,
     Given,
@@ -170,6 +168,8 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
             raw = files_of_day(files, day, zone)
             role = role_of(raw, settings.roles, sets, day)
             load = _loader(clean, day)
+            if role == "sealed" and not load()[TARGET].notna().any():
+                continue  # sealed by a file of something else that was recorded on that day
             conditions = {} if role == "sealed" else _conditions(load(), settings.spindle)
             cases.append(
                 Case(
@@ -275,23 +275,6 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
         if "coolant_temperature" in values:
             values["coolant_temperature"] = 22.0
         return pd.DataFrame({"time": time, **values, TARGET: 22.0})
-
-    def designs(self, model: SpindleModelFile, cases: Cases, settings: Judging) -> Sequence[Design]:
-        """Duties of twenty minutes, by the thermal network."""
-        limits = settings.spindle_limits
-
-        def stretches(some: Sequence[Case]) -> list[StateSegment]:
-            return [
-                piece for case in some
-                for piece in spindle_stretches(
-                    case.load(), case.name, model.records, step=model.fit.step_s,
-                    bridge_s=limits.bridge_s, shortest_s=limits.working_day_s,
-                )
-            ]  # fmt: skip
-
-        used = [case for case in cases.cases if case.name in model.training_days]
-        judged = cases.of("golden") or cases.of("held_out")
-        return list(spindle_design(model, stretches(used), stretches(judged), limits))
 
     def influences(self, case: Case, rows: pd.DataFrame) -> dict[str, Floats]:
         """Predicted temperature above the air, above the lowest where the air is not recorded."""

@@ -92,7 +92,7 @@ def fit_wear(
         progress=progress, progress_unit=windows.progress_unit, per_recording=per_recording,
         champion=champion, alone=alone, scores=scores, weights=weights, lasting=lasting,
         bands={} if windows.is_class else {
-            name: bands(_residuals(out, name), alike=True)
+            name: bands(_residuals(out, name))
             for name in dict.fromkeys((champion, alone))
         },
     ), model.MethodsFile(

@@ -82,11 +82,10 @@ def promised_and_reached(folder, seed):
     """Half width before, promised and reached, of the best and of the worst of the candidates."""
     shop = other_mill(structure(_configuration(), f"machine.{MACHINE}.shop", ShopParameters), seed)
     design, training = identified(folder / f"{seed}", shop)
-    every = design.determined
-    if not every.all():
+    if not design.determined.all():
         return []
     series = dict(cut_series(training))
-    after = [(design.half_width(every, one.rows), one) for one in design.candidates]
+    after = [(design.half_width(one.information), one) for one in design.candidates]
     best, worst = min(after, key=lambda p: p[0]), max(after, key=lambda p: p[0])
     assert by_design(design)[0].record == best[1].record
     rows = []
@@ -94,9 +93,7 @@ def promised_and_reached(folder, seed):
         cuts = next(cuts for words, cuts in series.items() if one.record.startswith(words))
         anew, _ = identified(folder / f"{seed}-{name}", shop, cuts)
         same = replace(anew, judged=design.judged)
-        rows.append(
-            (name, seed, design.half_width(every), promise, same.half_width(same.determined))
-        )
+        rows.append((name, seed, design.half_width(), promise, same.half_width()))
     return rows
 
 

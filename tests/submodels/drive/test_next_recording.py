@@ -133,7 +133,6 @@ def designed(shop, more=()):
     return design
 
 
-EVERY = np.ones(9, bool)
 SEEDS = range(2)
 
 
@@ -165,11 +164,11 @@ def test_forces_narrow_as_promised():
         slow = followed(shop, by_design(designed(shop))[0].record)[:1]
         design = designed(shop, slow)
         assert design.determined.all()
-        now = design.half_width(EVERY)
+        now = design.half_width()
         for one in design.candidates:
-            promised = design.half_width(EVERY, one.rows)
+            promised = design.half_width(one.information)
             anew = designed(shop, [*slow, *followed(shop, one.record)])
-            reached = replace(anew, judged=design.judged).half_width(EVERY)
+            reached = replace(anew, judged=design.judged).half_width()
             sys.stdout.write(
                 f"{seed} {one.record[:44]:44} {now:.2f} {promised:.2f} {reached:.2f} N\n"
             )

@@ -194,6 +194,16 @@ def test_no_frozen_day_is_learnt_from(made):
         assert [one.name for one in found.of("golden")] == ["2026-01-06"]
 
 
+def test_a_day_without_a_spindle_record_is_no_sealed_day(tmp_path):
+    """A log of something else that was recorded on it may be sealed."""
+    records = records_of(tmp_path / "clean")
+    sealed = FrozenSet(files=sources(records.files, [f"{day}.txt" for day in DAYS[3:5]]))
+    path = tmp_path / f"clean/state/{DAYS[3]}.parquet"
+    pd.read_parquet(path).assign(**{TARGET: np.nan}).to_parquet(path)
+    found = SUBMODEL.cases(records, FITTING, GoldenSets(machine="mill", sealed=sealed))
+    assert [one.name for one in found.of("sealed")] == [DAYS[4]]
+
+
 def test_a_long_gap_leaves_its_windows_open_and_held_inputs_make_no_working_day(tmp_path, made):
     """The free run goes on over a gap."""
     records = records_of(tmp_path / "clean")
