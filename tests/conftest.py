@@ -4,7 +4,9 @@ import gc
 import os
 import pickle
 import shutil
+import sys
 from collections.abc import Iterator
+from contextlib import ExitStack
 from hashlib import sha256
 from pathlib import Path
 from types import CodeType
@@ -60,7 +62,11 @@ def compositions(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         return (made / "text").read_text()
 
     original = compose.composed
-    with mock.patch.object(compose, "composed", composed):
+    places = [one for one in list(sys.modules.values())
+              if getattr(one, "__dict__", {}).get("composed") is original]  # fmt: skip
+    with ExitStack() as stack:
+        for place in places:  # tests import it by its name
+            stack.enter_context(mock.patch.object(place, "composed", composed))
         yield
 
 
