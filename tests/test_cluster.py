@@ -16,12 +16,15 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from dvc.cli import main as dvc
+from dvc.repo import Repo
 
 from pipeline.app.cluster import identify_fleet
 from pipeline.parallel import PLACE, _client, mapped
 from tests.cluster import ROOT, cluster
 from tests.small_project import inside
 from tests.submodels.spindle.spindle_days import ONE, state_table
+from tests.test_cli import kerf
 from tests.test_parallel import absent, process_of, refuse
 
 DAYS = ("2026-01-05", "2026-01-06", "2026-01-07")
@@ -59,7 +62,8 @@ def project(root: Path, machines: Sequence[str], wrong: Sequence[str] = ()) -> P
                      "roles": {"training_days": days} if name in wrong else roles}  # fmt: skip
     values = {"fleet": {"name": "many", "machines": list(machines)}, "machine": own, **FITTING}
     write(root / "params.yaml", yaml.safe_dump(values))
-    command(root, "-m", "dvc", "init", "-q", "--no-scm")
+    with inside(root):
+        Repo.init(no_scm=True).close()
     return root
 
 
@@ -140,16 +144,23 @@ def test_a_stage_waits_for_the_model_that_it_reads(tmp_path: Path) -> None:
     ]
 
 
-def test_identify_does_what_dvc_asks_and_dvc_takes_it(tmp_path: Path) -> None:
+def test_identify_does_what_dvc_asks_and_dvc_takes_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In this process, which has loaded DVC; the proof below identifies in others."""
+    monkeypatch.setenv(PLACE, "serial")
     root = project(tmp_path / "p", ["m01", "m02"], wrong=["m02"])
-    _, said = command(root, "-m", "pipeline.app", "identify", status=2)
-    assert "identify_spindle@m01: 2 files" in said, said
-    assert "kerf: identify_spindle@m02: no stretch of at least 3600 s" in said
+    done = kerf(root, "identify")
+    assert done.exit_code == 2
+    assert "identify_spindle@m01: 2 files" in done.stdout
+    assert "kerf: identify_spindle@m02: no stretch of at least 3600 s" in done.stderr
     assert set(models(root)) == {"m01/spindle/model.json", "m01/spindle/residual/forest.json"}
     assert set(lock(root)["stages"]) == {"identify_spindle@m01"}
-    assert "up to date" in command(root, "-m", "dvc", "status", "identify_spindle@m01")[1]
     lines: list[str] = []
     with inside(root):
+        capsys.readouterr()
+        assert dvc(["status", "identify_spindle@m01"]) == 0
+        assert "up to date" in capsys.readouterr().out
         assert identify_fleet(["m01"], ["spindle"], lines.append) == lines == []
         with pytest.raises(ValueError, match=r"dvc\.yaml has no such identification: name others"):
             identify_fleet(["m09"], [], lines.append)
