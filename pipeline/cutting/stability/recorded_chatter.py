@@ -152,7 +152,8 @@ def _spectra(y: Floats, rate: float, speed: Floats, length: int) -> _Spectra:
         for k in start.tolist()
     ], axis=1)  # fmt: skip
     return _Spectra(
-        frequency=np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64), power=power / (window**2).sum(), start=start,
+        frequency=np.arange(length // 2 + 1) * rate / length, power=power / (window**2).sum(),
+        start=start,
         n=np.array([speed[k : k + length].mean() for k in start.tolist()]), length=length,
     )  # fmt: skip
 
