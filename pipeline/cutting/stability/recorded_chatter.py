@@ -19,7 +19,7 @@ chatter detection and control, J. Eng. Ind. 114.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import log
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -28,8 +28,8 @@ from pipeline.schema.arrays import Bools, Floats, Ints
 Verdict = Literal["stable", "chatter", "not decided"]
 Kind = Literal["", "Hopf", "period doubling"]
 
-TURNS = 32
-"""Revolutions of a segment [1]: lines of the rotation cover a sixth of the band."""
+TURNS, MOST_TURNS = 32, 128
+"""Revolutions of a segment [1]: lines of the rotation cover a sixth of the band, or less."""
 LEAST_SEGMENTS = 5
 """Half-overlapping segments that a verdict needs [1]: 96 revolutions in the cut."""
 SPEED_ERROR = 0.015
@@ -61,6 +61,7 @@ class RecordedChatter:
     frequency_error_Hz: float | None = None
     """Half of the 95 % interval of the frequency over the segments [Hz]."""
     begins_s: float | None = None
+    """Begin of the line, within half a segment; the recording's where it is there from the start."""
     energy_share: float | None = None
     """Energy at the chatter frequencies over that and that of the rotation's lines [1]."""
     envelope: float | None = None
@@ -118,7 +119,8 @@ def recorded_chatter(
     if rate < 6 * nominal * teeth:
         return _with(none, why=f"the band is too small: {rate:g} Hz hold no three harmonics of the "
                      f"tooth-passing frequency of {nominal * teeth:.4g} Hz")  # fmt: skip
-    length = int(TURNS * rate / nominal)
+    recorded = y.shape[1] * nominal / rate
+    length = int(np.clip(recorded / LEAST_SEGMENTS, TURNS, MOST_TURNS) * rate / nominal)
     if y.shape[1] < (LEAST_SEGMENTS + 1) * length // 2:
         return _with(none, why=f"it is too short: {y.shape[1] / rate:.3g} s, "
                      f"{(LEAST_SEGMENTS + 1) / 2 * length / rate:.3g} s are needed")  # fmt: skip
@@ -164,7 +166,8 @@ def _with_speed(found: _Spectra) -> _Spectra:
     last = int(min(HARMONICS, 0.45 * 2 * found.frequency[-1] / found.n.max()))
     logs = np.log(found.power.sum(axis=0) + 1e-12)
     orders, rows = np.arange(1, last + 1), np.arange(len(found.n))[:, None]
-    factors = 1 + np.arange(-SPEED_ERROR, SPEED_ERROR, 0.25 / (TURNS * last))
+    turns = float(np.median(found.n)) / step
+    factors = 1 + np.arange(-SPEED_ERROR, SPEED_ERROR, 0.25 / (turns * last))
     score = [
         logs[rows, np.rint(found.n[:, None] * f * orders / step).astype(int)].sum() for f in factors
     ]
@@ -224,11 +227,14 @@ def _judged(
     line = free & (chance < FALSE_ALARM)
     if idle.sum() >= 2:  # a line that sounds without the cut too is another machine's
         line &= found.power[:, idle].mean(axis=(0, 1)) < 0.25 * found.power[:, cut].mean((0, 1))
-    even = _doubling(found, rotation, order, floor, cut, teeth)
+    locked = _locked(found, rotation, order, floor, cut, teeth)
+    if locked.get("verdict") == "chatter":
+        locked["stable_speeds_rpm"] = stable_speeds(
+            locked["frequency_Hz"], teeth, own.speed_rpm, speeds_rpm
+        )
     if not line.any():
-        if even is not None:
-            return _with(own, verdict=even[0], why=even[1], kind="period doubling",
-                         energy_share=even[2])  # fmt: skip
+        if locked:
+            return _with(own, **locked)
         sure = float(beta.ppf(0.05, count / 2 + 0.5, 0.5))
         return _with(own, verdict="stable", confidence=sure,
                      why="no line stands out between those of the rotation")  # fmt: skip
@@ -262,13 +268,12 @@ def _judged(
     if lasts and share >= SMALL_SHARE and steady < limit:
         return _with(
             own, verdict="chatter", confidence=sure,
-            begins_s=float(found.start[first] / rate),
+            begins_s=float((found.start[first] + (first > 0) * found.length / 2) / rate),
             stable_speeds_rpm=stable_speeds(f_c, teeth, own.speed_rpm, speeds_rpm),
             why=f"a steady line at {f_c:.4g} Hz holds {100 * share:.2g} % of the energy",
         )  # fmt: skip
-    if even is not None:
-        return _with(own, verdict=even[0], why=even[1], kind="period doubling",
-                     energy_share=even[2])  # fmt: skip
+    if locked:
+        return _with(own, **locked)
     if lasts and share >= SMALL_SHARE and steady < MIDPOINT:
         return _with(own, why=f"the line at {f_c:.4g} Hz is neither steady nor random: its "
                      f"envelope is {steady:.2f}, 1 is steady, 2 random; record longer")  # fmt: skip
@@ -316,28 +321,36 @@ def _envelope(y: Floats, rate: float, f_c: float, found: _Spectra, segments: Int
     return float((a2[loudest] ** 2).mean() / max(a2[loudest].mean() ** 2, 1e-300))
 
 
-def _doubling(
+def _locked(
     found: _Spectra, rotation: Bools, order: Ints, floor: Floats, cut: Bools, teeth: int
-) -> tuple[Verdict, str, float] | None:
-    """Period doubling of a tool with an even number of teeth, whose lines are the runout's too."""
-    if teeth % 2:
-        return None
+) -> dict[str, Any]:
+    """Chatter at orders of the rotation, as period doubling with an even number of teeth.
+
+    Runout of a tool has orders m N +- 1: what lies at others is chatter where it is most of the
+    energy; what lies there may be either.
+    """
     power = np.maximum(found.power - floor, 0.0).sum(axis=0)[cut]
-    lines, orders = rotation[cut] & (order[cut] > 0), order[cut]
-    energy = power[lines].sum()
-    half = lines & (orders % (teeth // 2) == 0) & (orders % teeth != 0)
-    other = lines & (orders % (teeth // 2) != 0)
-    share = float(power[half].sum() / max(energy, 1e-12))
-    if share < GREAT_SHARE:
-        return None
-    if teeth > 2 and power[half].sum() > 4 * power[other].sum():
-        return "chatter", f"{100 * share:.0f} % of the energy at odd halves of tooth passing", share
-    return (
-        "not decided",
-        f"{100 * share:.0f} % of the energy lies at odd halves of the tooth-passing frequency, "
-        "where runout of this tool has lines too: measure its runout, or cut at another speed",
-        share,
-    )
+    orders = np.where(rotation[cut], order[cut], 0)
+    rest = orders % teeth
+    foreign = rest > 0
+    runout = foreign & ((rest == 1) | (rest == teeth - 1))
+    energy = power[orders > 0].sum()
+    other, near = power[foreign & ~runout].sum() / energy, power[runout].sum() / energy
+    if other + near < GREAT_SHARE:
+        return {}
+    at = int(np.argmax(np.where(foreign, power, 0.0).mean(axis=0)))
+    f_c, spread = _precise(power, found.frequency, at)
+    share = float(other + near)
+    line = {"energy_share": share, "frequency_Hz": f_c, "frequency_error_Hz": spread}
+    half = 2 * round(f_c / float(np.median(found.n))) % (2 * teeth) == teeth
+    words = f"{100 * share:.0f} % of the energy lies at multiples of the rotation, not of the teeth"
+    if other > 4 * near:
+        return line | {"verdict": "chatter", "kind": "period doubling" if half else "Hopf",
+                       "why": f"{words}, where runout has no lines"}  # fmt: skip
+    return line | {
+        "kind": "",
+        "why": f"{words}: runout or chatter; measure the runout, or cut at another speed",
+    }
 
 
 def stable_speeds(

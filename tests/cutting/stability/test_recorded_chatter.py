@@ -69,7 +69,7 @@ def test_a_hopf_line_is_found_with_its_begin_though_the_speed_is_off_by_a_percen
     found = recorded_chatter(y, RATE, 1.01 * N_S, TEETH)
     assert (found.verdict, found.kind) == ("chatter", "Hopf")
     assert found.frequency_Hz == pytest.approx(757.3, abs=1.0)  # a third of a bin
-    assert found.begins_s == pytest.approx(1.5, abs=32 / N_S)  # a segment
+    assert found.begins_s == pytest.approx(1.5, abs=40 / N_S)  # half a segment
     assert found.speed_rpm == pytest.approx(6000.0, rel=3e-4)
 
 
@@ -149,22 +149,21 @@ def test_verdicts_are_right_in_95_of_100_and_frequencies_within_a_percent(
             if found.verdict != verdict:
                 wrong.append((seed, over, cut.flutes, found.verdict, found.why))
             elif found.frequency_Hz and verdict == "chatter":
-                off.append(abs(found.frequency_Hz / loudest_line(made, n) - 1))
+                off.append(abs(found.frequency_Hz / loudest_line(made, n, cut.flutes) - 1))
     capsys.readouterr()
     with capsys.disabled():
-        sys.stdout.write(
-            f"\nnoise {noise}: {right} of 100 right, frequency off by {max(off):.2%}\n"
-        )
+        spread = np.quantile(off, [0.5, 0.9, 0.95, 1.0]).round(5).tolist()
+        sys.stdout.write(f"\nnoise {noise}: {right} of 100, frequency off by {spread}\n")
         sys.stdout.writelines(f"{one}\n" for one in wrong)
     assert right >= 95
     assert np.quantile(off, 0.95) < 0.01
 
 
-def loudest_line(made: Simulated, n: float) -> float:
-    """Strongest line of the displacement between those of the rotation, without noise [Hz]."""
+def loudest_line(made: Simulated, n: float, teeth: int) -> float:
+    """Strongest line of the displacement between those of the teeth, without noise [Hz]."""
     late = made.displacement[len(made.displacement) // 3 :]
     size = 8 * len(late)
     power = np.abs(np.fft.rfft((late - late.mean()) * np.hanning(len(late)), size))
     f = np.fft.rfftfreq(size, 1 / made.rate)
-    between = np.abs(f / n - np.rint(f / n)) > 0.08
+    between = np.abs(f / n - np.rint(f / n / teeth) * teeth) > 0.1
     return float(f[np.argmax(np.where(between, power, 0.0))])
