@@ -23,6 +23,7 @@ from pipeline.schema.arrays import Floats
 from pipeline.schema.si import MINUTE
 from pipeline.signals.formats import RecordSource, TableLayout, UnreadableFile, format_of
 from pipeline.signals.ingest import OBSERVING, reader_of
+from pipeline.signals.units import conversion
 from pipeline.signals.windows import uniform_segments
 
 TIME = re.compile(r"(?:t|time|zeit|timestamp)\b", re.IGNORECASE)
@@ -69,7 +70,22 @@ def chatter_of(
         raise ValueError(f"{file}: {error}") from error
     even = np.stack([longest.on_grid(one[rows]) for one in values])
     n = rpm / MINUTE if isinstance(rpm, float) else longest.on_grid(rpm[rows]) / MINUTE
-    return recorded_chatter(even, 1 / longest.period, n, teeth, speeds_rpm=_speeds(machine))
+    units = [table.schema.field(name).metadata[b"unit"].decode() for name in used]
+    return recorded_chatter(
+        even, 1 / longest.period, n, teeth, speeds_rpm=_speeds(machine),
+        derivatives=[_derivative(unit) for unit in units],
+    )  # fmt: skip
+
+
+def _derivative(unit: str) -> int:
+    """Order of the derivative of displacement in a unit: acceleration 2, velocity 1, else 0."""
+    for order, si in ((2, "m/s^2"), (1, "m/s")):
+        try:
+            if unit and conversion(unit, si):
+                return order
+        except ValueError:
+            continue
+    return 0
 
 
 def _speeds(machine: str | None) -> tuple[float, float] | None:

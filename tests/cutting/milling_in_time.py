@@ -31,22 +31,10 @@ class Simulated:
 
 
 @njit(cache=True)
-def _stepped(
-    step,
-    axis,
-    weight,
-    flutes,
-    per_tooth,
-    entry,
-    exit,
-    feed,
-    depth,
-    K_t,
-    K_r,
-    runout,  # type: ignore[no-untyped-def]
-    engaged,
+def _stepped(  # type: ignore[no-untyped-def]
+    step, axis, weight, flutes, per_tooth, entry, exit, feed, depth, K_t, K_r, runout, engaged,
     noise,
-):
+):  # fmt: skip
     """Displacement (T, 2), acceleration (T, 2) and force (T, 2) of the tip."""
     total, turn = engaged.size, flutes * per_tooth
     q, v = np.zeros(axis.size), np.zeros(axis.size)

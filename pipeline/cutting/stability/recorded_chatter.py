@@ -61,7 +61,7 @@ class RecordedChatter:
     frequency_error_Hz: float | None = None
     """Half of the 95 % interval of the frequency over the segments [Hz]."""
     begins_s: float | None = None
-    """Begin of the line, within half a segment; the recording's where it is there from the start."""
+    """Begin of the line, within half a segment; that of the cut where it is there at once [s]."""
     energy_share: float | None = None
     """Energy at the chatter frequencies over that and that of the rotation's lines [1]."""
     envelope: float | None = None
@@ -86,11 +86,12 @@ class _Spectra:
     start: Ints  # (S,) first sample
     n: Floats  # (S,) [1/s]
     length: int
+    moved: Floats  # (F,) weight of a line by the displacement that it stands for
 
 
 def recorded_chatter(
     channels: Floats, rate: float, n: float | Floats, teeth: int, *,
-    speeds_rpm: tuple[float, float] | None = None,
+    derivatives: Sequence[int] = (), speeds_rpm: tuple[float, float] | None = None,
 ) -> RecordedChatter:  # fmt: skip
     """Verdict on a recording.
 
@@ -104,6 +105,9 @@ def recorded_chatter(
         Spindle speed [1/s], above 0.
     teeth : int
         Number of teeth, N.
+    derivatives : sequence of int, optional
+        For each channel 2 for acceleration, 1 for velocity, 0 for others: of the chatter
+        frequencies the one is stated at which the tool moves most.
     speeds_rpm : tuple of float, optional
         Range of the machine [rev/min].
     """
@@ -135,7 +139,9 @@ def recorded_chatter(
     if cut.sum() < LEAST_SEGMENTS:
         return _with(own, why="there is no cut in it, or too short a one: no lines at the "
                      "tooth-passing frequency; check speed and teeth")  # fmt: skip
-    return _judged(own, found, y, rate, teeth, cut, (rotation, order, floor), speeds_rpm)
+    moves = np.array([*derivatives, *[0] * (len(y) - len(derivatives))])
+    found = replace(found, moved=_moved(found, moves))
+    return _judged(own, found, (y, rate, teeth), cut, (rotation, order, floor), speeds_rpm)
 
 
 def _with(one: RecordedChatter, **changes: object) -> RecordedChatter:
@@ -157,7 +163,15 @@ def _spectra(y: Floats, rate: float, speed: Floats, length: int) -> _Spectra:
         frequency=np.arange(length // 2 + 1) * rate / length, power=power / (window**2).sum(),
         start=start,
         n=np.array([speed[k : k + length].mean() for k in start.tolist()]), length=length,
+        moved=np.ones((len(y), 1)),
     )  # fmt: skip
+
+
+def _moved(found: _Spectra, derivatives: Ints) -> Floats:
+    """Weight of each line by the displacement it stands for; vibration alone where there is any."""
+    chosen = derivatives > 0 if derivatives.any() else np.ones(len(derivatives), bool)
+    relative = np.maximum(found.frequency, found.frequency[1]) / found.n.min()
+    return np.where(chosen[:, None], relative ** (-2.0 * derivatives[:, None]), 0.0)
 
 
 def _with_speed(found: _Spectra) -> _Spectra:
@@ -206,12 +220,12 @@ def _in_cut(found: _Spectra, tooth: Bools, floor: Floats) -> Bools:
 
 
 def _judged(
-    own: RecordedChatter, found: _Spectra, y: Floats, rate: float, teeth: int, cut: Bools,
+    own: RecordedChatter, found: _Spectra, recorded: tuple[Floats, float, int], cut: Bools,
     parts: tuple[Bools, Ints, Floats], speeds_rpm: tuple[float, float] | None,
 ) -> RecordedChatter:  # fmt: skip
     from scipy.stats import beta, gamma
 
-    rotation, order, floor = parts
+    (y, rate, teeth), (rotation, order, floor) = recorded, parts
     white = (found.power / floor).sum(axis=0)
     mean = white[cut].mean(axis=0)
     inside = (found.frequency > max(found.n.min(), 10.0)) & (found.frequency < 0.45 * rate)
@@ -239,8 +253,12 @@ def _judged(
         return _with(own, verdict="stable", confidence=sure,
                      why="no line stands out between those of the rotation")  # fmt: skip
     power = (found.power - floor).sum(axis=0)[cut]
-    strongest = np.where(line, power.mean(axis=0), 0.0)
-    at = int(np.argmax(strongest))
+    at = int(np.argmax(np.where(line, power.mean(axis=0), 0.0)))
+    apart = (found.frequency - found.frequency[at]) % own.tooth_passing_Hz
+    width = GUARD * found.frequency[1]
+    alike = line & ((apart < width) | (apart > own.tooth_passing_Hz - width))
+    weighed = ((found.power - floor)[:, cut].mean(axis=1) * found.moved).sum(axis=0)
+    at = int(np.argmax(np.where(alike, weighed, -np.inf)))
     f_c, spread = _precise(power, found.frequency, at)
     shifted = np.abs((found.frequency - f_c + own.tooth_passing_Hz / 2) % own.tooth_passing_Hz
                      - own.tooth_passing_Hz / 2)  # fmt: skip
