@@ -34,7 +34,7 @@ ELSEWHERE = {
     "records": RECORDS, "report": "draws what the pipeline built",
     "simulate --corrected": MODELS, "synthesise": MODELS, "transfer": MODELS,
     "verify": "reads pages that the pipeline built", "wear": MODELS,
-    "nightly": MODELS,
+    "nightly": MODELS, "chatter": RECORDS,
 }  # fmt: skip
 """Why the others do not run here."""
 

@@ -381,3 +381,26 @@ def optimise(
 
 def _ending() -> None:
     typer.echo("kerf: ending with the best so far; Ctrl-C again to give up", err=True)
+
+
+@app.command(rich_help_panel=kerf.RECORDS)
+def chatter(
+    file: Annotated[Path, typer.Argument(help="Recording of vibration, force or sound.")],
+    teeth: Annotated[int, typer.Option(help="Number of teeth of the tool.", min=1)],
+    speed: Annotated[str, typer.Option(help="Spindle speed, rev/min, or its column in FILE.")],
+    channel: Annotated[
+        list[str] | None, typer.Option(help="Column to use, again for more; all by default.")
+    ] = None,
+    rate: Annotated[float | None, typer.Option(help="Sampling rate, Hz, without a time.")] = None,
+    machine: kerf.Setup = None,
+    json: kerf.Json = None,
+) -> None:
+    """Say whether FILE, a recording of a milling cut, holds chatter, and which speeds to try."""
+    from pipeline.app.chatter import chatter_of, document, said
+
+    with one_sentence(), outputs() as to:
+        to.ready(json, file)
+        found = chatter_of(file, teeth, speed, channels=channel or (), rate=rate, machine=machine)
+        to.json(document(found), json)
+        for line in said(found):
+            to.say(line)

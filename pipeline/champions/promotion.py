@@ -104,14 +104,19 @@ def promote(
             anyway=decision.overridden, rules=decision.objections,
             decision=hashlib.sha256(document.encode()).hexdigest(),
         )  # fmt: skip
+        champion = _carried_out(entry, root) if decision.promoted else None
         known = [v for v in versions(machine, root) if v.bundle == entry.bundle]
-        log_decision(decision, known[-1], root)
-        if not decision.promoted:
-            raise ValueError(
-                f"version {entry.version} of {machine} may not serve: {decision.objections}; "
-                f"`kerf history -m {machine}` holds it"
-            )
-        return _carried_out(entry, root)
+        said = f"version {entry.version} of {machine} serves" if champion else (
+            f"version {entry.version} of {machine} may not serve: {decision.objections}; "
+            f"`kerf history -m {machine}` holds it"
+        )  # fmt: skip
+        try:
+            log_decision(decision, known[-1], root)
+        except ValueError as error:  # the entry counts, MLflow's note of it does not
+            raise ValueError(f"{said}; only MLflow has no note of it: {error}") from error
+        if champion is None:
+            raise ValueError(said)
+        return champion
 
 
 def rollback(

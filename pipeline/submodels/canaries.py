@@ -7,12 +7,6 @@ explain the smooth part.  What share of what is left of the measurement does the
 (squared partial correlation)?  Least squares in double precision on columns of length one, without
 a penalty, so that neither the scale of an input nor a difference of two large ones hides it, and
 shifted by some rows, since a late copy is a copy.
-
-A copy with more noise explains less than causes may at another distance.  Over one row causes have
-little to say, each about as much as another, since sensors' noise is all that changes so fast; the
-bends are clipped, so that the edges of commands do not outweigh it.  An input that explains there,
-at all shifts together, more than chance does and several times what any other input does is a copy.
-The limit comes from the other inputs and from chance, chi2 / N, not from records before.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -23,6 +17,7 @@ import pandas as pd
 
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.schema.verdict import Canary, Role
+from pipeline.submodels import scoring
 from pipeline.submodels.contract import Prediction, SeenInputs, Target
 
 INPUTS, PREDICTIONS = "measurement among the inputs", "measurement in the prediction"
@@ -34,18 +29,6 @@ SHARE, ALONE = 1 / 3, 0.95
 """Share from which on an input is the measurement [1]: a copy with noise up to twice as strong as
 what is left of the measurement.  Where there are too few rows to take the other inputs out, an
 input alone has to explain more, since it shares causes, and chance."""
-TIMES = 4.0
-"""Share of a noisy copy over one row, over that of any other input [1]: twice its correlation."""
-FAINTEST = 1 / 17
-"""Least share of a noisy copy over one row [1], with noise four times what is left of the
-measurement; one with more cannot be told from a smooth cause of all of it."""
-ROUGH = 0.5
-"""Median bend over one row over that over four, above which an input is rough [1]: of white noise
-it is 1, of a random walk 1/2; a smooth input, as what a model says, is no copy in noise."""
-CHANCE = 1e-3
-"""Probability that chance alone explains more in one of the inputs [1]."""
-CLIPPED = 3.0
-"""Size to which bends are clipped, over the median of those that are not 0 [1]."""
 EXACT = 1e-6
 """Share of the bends left over by all inputs below which they make up the measurement together [1]:
 a thousandth of them, finer than the noise of any sensor."""
@@ -71,8 +54,11 @@ class Explained:
     ahead: int = 0
     alone: bool = False
     """Whether no other inputs are taken out, since there are too few rows."""
-    bound: float = SHARE
-    """Share from which on the input is a copy of the measurement [1]."""
+
+    @property
+    def bound(self) -> float:
+        """Share from which on the input is a copy of the measurement [1]."""
+        return ALONE if self.alone else SHARE
 
 
 def canaries(
@@ -119,13 +105,10 @@ def _of_inputs(quantity: str, one: Explained) -> Canary:
 
 def _of_predictions(frame: pd.DataFrame, targets: Sequence[Target], deciding: Role) -> list[Canary]:
     """Targets that are predicted as measured bit for bit; none of too few samples."""
-    checked, found, tables = 0, [], {}
-    if len(frame):
-        both = frame["measured"].to_numpy(float) + frame["predicted"].to_numpy(float)
-        known = frame[(frame["role"] == deciding) & frame["scored"] & np.isfinite(both)]
-        tables = dict(list(known.groupby(["quantity", "regime"], sort=False)))
+    checked, found = 0, []
     for target in targets:
-        rows = tables.get((target.quantity, target.regime), frame[:0])
+        rows = scoring.scored_rows(frame, target)
+        rows = rows[rows["role"] == deciding] if len(rows) else rows
         if len(rows) < SAMPLES or rows["measured"].nunique() < VALUES:
             continue
         checked += 1
@@ -152,10 +135,7 @@ def strongest(tables: Sequence[SeenInputs]) -> Explained | None:
         and np.mean([np.isfinite(one.inputs[name]).mean() for one in tables]) >= KNOWN
     ]  # fmt: skip
     found = [one for apart in APART if names for one in _explained(tables, names, apart)]
-    first = max(found, key=_grave, default=None)
-    if first is None or first.share >= first.bound:
-        return first
-    return max((first, *_noisy(tables, names)), key=_grave)
+    return max(found, key=_grave, default=None)
 
 
 def _grave(one: Explained) -> tuple[bool, float]:
@@ -189,43 +169,8 @@ def _explained(
         for k, place in enumerate(own):
             share = _partial(block, k, EXACT * float(target @ target))
             yield Explained(
-                name=name, share=share, apart=apart, ahead=shifts[place // many], alone=alone,
-                bound=ALONE if alone else SHARE,
-            )  # fmt: skip
-
-
-def _noisy(tables: Sequence[SeenInputs], names: Sequence[str]) -> Iterator[Explained]:
-    """The input that explains most over one row, at all shifts together, of clipped bends.
-
-    None of fewer than three inputs, or where there are too few rows to take the others out.
-    """
-    from scipy.special import chdtri
-
-    table = np.column_stack(_bends(tables, names, 1, SHIFTS))
-    sizes = [np.median(np.abs(own)) if len(own := c[c != 0]) else 0.0 for c in table.T]
-    there = [k for k in range(table.shape[1] - 1) if sizes[k] > 0]
-    if len(table) < FOR_EACH * len(there) or not sizes[-1]:
-        return
-    scaled = np.clip(table / np.where(sizes, sizes, 1.0), -CLIPPED, CLIPPED)
-    triangle = np.asarray(np.linalg.qr(scaled, mode="r"))
-    target, many = triangle[:, -1:], len(names)
-
-    def left(taken: Sequence[int]) -> float:
-        return float((_left(target, triangle[:, taken]) ** 2).sum())
-
-    rest = max(left(there), EXACT * float((target**2).sum()))
-    shares = {
-        name: 1 - rest / max(left([k for k in there if k % many != j]), rest)
-        for j, name in enumerate(names) if any(k % many == j for k in there)
-    }  # fmt: skip
-    if len(shares) < 3:
-        return
-    *_, next_, most = sorted(shares, key=lambda name: shares[name])
-    chance = float(chdtri(len(SHIFTS), CHANCE / len(shares))) / len(table)
-    bound = max(TIMES * shares[next_], chance, FAINTEST)
-    near, far = (np.median(np.abs(_bends(tables, [most], apart, (0,))[0])) for apart in APART[:2])
-    if near > ROUGH * far:
-        yield Explained(name=most, share=shares[most], apart=1, bound=bound)
+                name=name, share=share, apart=apart, ahead=shifts[place // many], alone=alone
+            )
 
 
 def _left(columns: Floats, others: Floats) -> Floats:

@@ -1,0 +1,170 @@
+"""Chatter in a recording on the command line (`kerf chatter`): columns, speed, verdict.
+
+Files are read by the readers of records; a column of time gives the rate, else ``--rate`` or the
+file itself (WAV, TDMS).
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline.app.fleet import machine_parameters
+from pipeline.app.output import rounded
+from pipeline.app.tables import section
+from pipeline.cutting.economics.spindle_power import SpindleDrive
+from pipeline.cutting.stability.recorded_chatter import RecordedChatter, recorded_chatter
+from pipeline.schema.arrays import Floats
+from pipeline.schema.si import MINUTE
+from pipeline.signals.formats import RecordSource, TableLayout, UnreadableFile, format_of
+from pipeline.signals.ingest import OBSERVING, reader_of
+from pipeline.signals.units import conversion
+from pipeline.signals.windows import uniform_segments
+
+TIME = re.compile(r"(?:t|time|zeit|timestamp)\b", re.IGNORECASE)
+"""Names of a column of time."""
+UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
+"""Units of a column of time in a name's brackets, over the second."""
+
+
+def chatter_of(
+    file: Path, teeth: int, speed: str, *, channels: Sequence[str] = (), rate: float | None = None,
+    machine: str | None = None,
+) -> RecordedChatter:  # fmt: skip
+    """Verdict on a recording; ``speed`` is a number [rev/min] or the name of a column of it."""
+    if teeth < 1:
+        raise ValueError(f"--teeth {teeth} must be at least 1")
+    table = _table(file)
+    numbers = {
+        name: table[name].to_numpy(zero_copy_only=False).astype(float)
+        for name in table.column_names[1:] if pa.types.is_floating(table.schema.field(name).type)
+    }  # fmt: skip
+    clock = next((name for name in numbers if TIME.match(name)), None)
+    time = _time(file, table, numbers, clock, rate)
+    for name in channels:
+        if name not in numbers:
+            raise ValueError(f"--channel {name} is no column of numbers of {file}: it has "
+                             f"{', '.join(numbers) or 'none'}")  # fmt: skip
+    try:
+        rpm: float | Floats = float(speed)
+    except ValueError:
+        if speed not in numbers:
+            raise ValueError(f"--speed {speed} is neither rev/min nor a column of {file}: it has "
+                             f"{', '.join(numbers) or 'none'}") from None  # fmt: skip
+        rpm = np.abs(numbers[speed])
+    if isinstance(rpm, float) and not 0 < rpm < np.inf:
+        raise ValueError(f"--speed {speed} must be above 0 rev/min")
+    used = list(channels) or [name for name in numbers if name not in (clock, speed)]
+    if not used:
+        raise ValueError(f"{file} has no column of vibration, force or sound: name one, --channel")
+    values = np.stack([numbers[name] for name in used])
+    rows = np.flatnonzero(np.isfinite(values).all(axis=0) & np.isfinite(time))
+    try:
+        longest = max(uniform_segments(time[rows]), key=lambda one: one.samples)
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from error
+    even = np.stack([longest.on_grid(one[rows]) for one in values])
+    n = rpm / MINUTE if isinstance(rpm, float) else longest.on_grid(rpm[rows]) / MINUTE
+    units = [table.schema.field(name).metadata[b"unit"].decode() for name in used]
+    return recorded_chatter(
+        even, 1 / longest.period, n, teeth, speeds_rpm=_speeds(machine),
+        derivatives=[_derivative(unit) for unit in units],
+    )  # fmt: skip
+
+
+def _derivative(unit: str) -> int:
+    """Order of the derivative of displacement in a unit: acceleration 2, velocity 1, else 0."""
+    for order, si in ((2, "m/s^2"), (1, "m/s")):
+        try:
+            if unit and conversion(unit, si):
+                return order
+        except ValueError:
+            continue
+    return 0
+
+
+def _speeds(machine: str | None) -> tuple[float, float] | None:
+    if machine is None:
+        return None
+    drive = section(machine_parameters(machine)["machine"][machine], "spindle_drive", SpindleDrive)
+    return None if drive is None else (drive.minimum_speed_rpm, drive.top_speed_rpm)
+
+
+def _table(file: Path) -> pa.Table:
+    """The table by whose layout the most columns are numbers."""
+    if not file.is_file():
+        raise ValueError(f"{file} does not exist: name a recording")
+    try:
+        form = format_of(file)
+    except UnreadableFile as error:
+        raise ValueError(f"{file}: {error}") from error
+    if form in OBSERVING:
+        raise ValueError(f"{file} is a log, too slow for chatter: name a table, WAV or TDMS file")
+    found: list[tuple[int, pa.Table]] = []
+    why = ""
+    for units_row, decimal, rate in product(
+        (False, True) if form == "csv" else (False,), ".," if form == "csv" else ".",
+        (None, 1.0) if form in ("wav", "tdms") else (1.0,),
+    ):  # fmt: skip
+        layout = TableLayout(rest=True, rate=rate, units_row=units_row, decimal=decimal)
+        source = RecordSource(format=form, files=file.name, table=layout)
+        try:
+            table = reader_of(form)(file, source, file.parent).table
+        except (UnreadableFile, ValueError) as error:
+            why = str(error)
+            continue
+        if rate is None:
+            return table
+        found.append((sum(map(pa.types.is_floating, table.schema.types)), table))
+    if not found:
+        raise ValueError(f"{file}: {why}")
+    return max(found, key=lambda one: one[0])[1]
+
+
+def _time(
+    file: Path, table: pa.Table, numbers: dict[str, Floats], clock: str | None, rate: float | None
+) -> Floats:
+    """Time of the rows [s]."""
+    if rate is not None:
+        if not 0 < rate < np.inf:
+            raise ValueError(f"--rate {rate:g} must be above 0 Hz")
+        return np.arange(table.num_rows) / rate
+    if clock is not None:
+        unit = next((u for u in UNITS if re.search(rf"[\[(_ ]{u}\b", clock)), "s")
+        return numbers[clock] * UNITS.get(unit, 1.0)
+    if format_of(file) in ("wav", "tdms"):
+        first = table.column(0)
+        if pa.types.is_timestamp(first.type):
+            ns = first.cast(pa.int64()).to_numpy()
+            return (ns - ns[0]) * 1e-9
+        return np.asarray(first.to_numpy(), float)
+    raise ValueError(f"{file} has no column of time: give the sampling rate, --rate in Hz")
+
+
+def document(found: RecordedChatter) -> dict[str, Any]:
+    """The verdict for JSON, without the spectrum."""
+    return {k: v for k, v in asdict(found).items() if k not in ("frequency", "spectrum")}
+
+
+def said(found: RecordedChatter) -> Iterator[str]:
+    """Report of ``kerf chatter`` in lines."""
+    sure = "" if found.confidence is None else f" (confidence {100 * found.confidence:.0f} %)"
+    yield f"{found.verdict}{sure}: {found.why}"
+    yield (
+        f"speed {found.speed_rpm:.0f} rev/min by its lines, tooth passing "
+        f"{rounded(found.tooth_passing_Hz, digits=4)} Hz, {found.seconds_in_cut:.1f} s in the cut"
+    )
+    if found.verdict != "chatter" or found.frequency_Hz is None:
+        return
+    yield (
+        f"{found.kind}: chatter frequency {found.frequency_Hz:.1f} Hz +- "
+        f"{found.frequency_error_Hz or 0:.1f} (95 %), from {found.begins_s or 0:.2f} s on"
+    )
+    if found.stable_speeds_rpm:
+        words = ", ".join(f"{one:.0f}" for one in found.stable_speeds_rpm)
+        yield f"speeds to try, n = 60 f_c / (N k): {words} rev/min; record there again"
