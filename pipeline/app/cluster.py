@@ -16,6 +16,7 @@ from typing import Any
 from pipeline.parallel import WORKER, mapped
 from pipeline.schema.files import replacing
 from pipeline.stages.__main__ import load_stage, run
+from pipeline.submodels.contract import submodels
 
 VERB = "identify_"
 """Beginning of the names of the stages that are run at once."""
@@ -38,6 +39,8 @@ def work_for(scheduler: str, workers: int) -> None:
         raise ValueError("a worker needs Dask: install kerf-twin[cluster]")
     words = [sys.executable, "-m", "distributed.cli.dask_worker", scheduler, "--nthreads", "1",
              "--nworkers", str(workers), "--no-dashboard"]  # fmt: skip
+    for name in submodels():  # its first task need not wait seconds for them
+        words += ["--preload", f"pipeline.submodels.{name}.submodel"]
     sys.stderr.flush()
     os.execve(sys.executable, words, os.environ | WORKER)
 
