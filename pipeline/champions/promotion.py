@@ -104,18 +104,20 @@ def promote(
             anyway=decision.overridden, rules=decision.objections,
             decision=hashlib.sha256(document.encode()).hexdigest(),
         )  # fmt: skip
-        champion = _carried_out(entry, root) if decision.promoted else None
         known = [v for v in versions(machine, root) if v.bundle == entry.bundle]
-        said = f"version {entry.version} of {machine} serves" if champion else (
-            f"version {entry.version} of {machine} may not serve: {decision.objections}; "
-            f"`kerf history -m {machine}` holds it"
-        )  # fmt: skip
+        unnoted = ""
         try:
             log_decision(decision, known[-1], root)
         except ValueError as error:  # the entry counts, MLflow's note of it does not
-            raise ValueError(f"{said}; only MLflow has no note of it: {error}") from error
-        if champion is None:
-            raise ValueError(said)
+            unnoted = f"; only MLflow has no note of it: {error}"
+        if not decision.promoted:
+            raise ValueError(
+                f"version {entry.version} of {machine} may not serve: {decision.objections}; "
+                f"`kerf history -m {machine}` holds it{unnoted}"
+            )
+        champion = _carried_out(entry, root)
+        if unnoted:
+            raise ValueError(f"version {entry.version} of {machine} serves{unnoted}")
         return champion
 
 
