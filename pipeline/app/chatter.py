@@ -26,8 +26,8 @@ from pipeline.signals.ingest import OBSERVING, reader_of
 from pipeline.signals.units import conversion
 from pipeline.signals.windows import uniform_segments
 
-TIME = re.compile(r"(?:t|time|zeit|timestamp)\b", re.IGNORECASE)
-"""Names of a column of time."""
+TIME = re.compile(r"(?:raw_)?(?:t|time|zeit|timestamp)(?![A-Za-z0-9])", re.IGNORECASE)
+"""Names of a column of time; readers write ``raw_`` before one that is a name of their own."""
 UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 """Units of a column of time in a name's brackets, over the second."""
 
@@ -59,7 +59,7 @@ def chatter_of(
         rpm = np.abs(numbers[speed])
     if isinstance(rpm, float) and not 0 < rpm < np.inf:
         raise ValueError(f"--speed {speed} must be above 0 rev/min")
-    used = list(channels) or [name for name in numbers if name not in (clock, speed)]
+    used = list(channels) or [n for n in numbers if not TIME.match(n) and n != speed]
     if not used:
         raise ValueError(f"{file} has no column of vibration, force or sound: name one, --channel")
     values = np.stack([numbers[name] for name in used])
