@@ -213,18 +213,18 @@ def _floor(found: _Spectra, rotation: Bools) -> Floats:
 def _in_cut(found: _Spectra, tooth: Bools, floor: Floats, teeth: int) -> tuple[Bools, Bools]:
     """Segments in which the tooth-passing lines stand out, and idle ones; shape (S,).
 
-    Between two cuts a segment is idle only where the speed is constant: a change of it spreads the
-    lines of a cut.
+    Where the speed changes, which spreads the lines, a segment is neither; between two cuts it is
+    idle only with the tooth-passing lines near the floor.
     """
     energy = np.where(tooth & (found.frequency > 0.5 * found.n.min()), found.power / floor, 0.0)
     high = energy.max(axis=2).sum(axis=0)
     strength = np.where(tooth, found.power, 0.0).sum(axis=(0, 2))
     strong = strength > IN_CUT * np.quantile(strength, 0.9)
     stands_out = high > 4 * -log(FALSE_ALARM) * len(found.power)
-    cut = stands_out & strong
     constant = 2 * teeth * np.abs(np.gradient(found.n)) < GUARD * found.frequency[1]
+    cut = stands_out & strong & constant
     between = np.logical_or.accumulate(cut) & np.logical_or.accumulate(cut[::-1])[::-1]
-    return cut, ~cut & (~between | (~stands_out & constant))
+    return cut, constant & ~cut & ~(between & stands_out)
 
 
 def _judged(

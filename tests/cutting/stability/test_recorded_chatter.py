@@ -117,8 +117,8 @@ def test_chatter_that_starts_and_stops_is_found_with_its_begin(begin: float) -> 
 
 
 def test_chatter_that_comes_and_goes_is_never_stable() -> None:
-    t, y = synthetic(8.0)
-    for on, off in ((0.7, 1.6), (1.0, 1.0), (1.6, 1.2), (2.5, 1.0)):
+    t, y = synthetic(16.0)
+    for on, off in ((1.6, 3.2), (2.5, 2.5), (2.0, 6.0), (3.2, 1.5)):  # 1.28 s is a segment
         y_on = y + np.where(t % (on + off) < on, 0.8 * np.cos(2 * np.pi * 757.3 * t), 0.0)
         assert recorded_chatter(y_on, RATE, N_S, TEETH).verdict != "stable", (on, off)
 
