@@ -58,8 +58,8 @@ def chatter_of(
             raise ValueError(f"--speed {speed} is neither rev/min nor a column of {file}: it has "
                              f"{', '.join(numbers) or 'none'}") from None  # fmt: skip
         rpm = np.abs(numbers[speed])
-        if not (rpm > 0).any():
-            raise ValueError(f"--speed {speed} has no value above 0 rev/min in {file}")
+    if not isinstance(rpm, float) and not np.any(rpm > 0):
+        raise ValueError(f"--speed {speed} has no value above 0 rev/min in {file}")
     if isinstance(rpm, float) and not 0 < rpm < np.inf:
         raise ValueError(f"--speed {speed} must be above 0 rev/min")
     used = list(channels) or [n for n in numbers if not TIME.match(n) and n != speed]
