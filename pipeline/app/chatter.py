@@ -58,15 +58,15 @@ def chatter_of(
             raise ValueError(f"--speed {speed} is neither rev/min nor a column of {file}: it has "
                              f"{', '.join(numbers) or 'none'}") from None  # fmt: skip
         rpm = np.abs(numbers[speed])
-    if not isinstance(rpm, float) and not np.any(rpm > 0):
-        raise ValueError(f"--speed {speed} has no value above 0 rev/min in {file}")
     if isinstance(rpm, float) and not 0 < rpm < np.inf:
         raise ValueError(f"--speed {speed} must be above 0 rev/min")
     used = list(channels) or [n for n in numbers if not TIME.match(n) and n != speed]
     if not used:
         raise ValueError(f"{file} has no column of vibration, force or sound: name one, --channel")
     values = np.stack([numbers[name] for name in used])
-    turns = np.isfinite(rpm) & (np.asarray(rpm) > 0)
+    turns = np.isfinite(rpm) & np.greater(rpm, 0)
+    if not turns.any():
+        raise ValueError(f"--speed {speed} has no value above 0 rev/min in {file}: name another")
     rows = np.flatnonzero(np.isfinite(values).all(axis=0) & np.isfinite(time) & turns)
     try:
         longest = max(uniform_segments(time[rows]), key=lambda one: one.samples)

@@ -307,10 +307,11 @@ def _judged(
     if runs.any() and (steady < MIDPOINT or not lasts):
         why = (
             f"holds {100 * share:.1g} % of the energy, little for chatter" if share < SMALL_SHARE
-            else f"is neither steady nor random: its envelope is {steady:.2f}, 1 if steady, 2 "
-            "if random"
+            else "is there in a part of the cut only" if not lasts
+            else "is neither steady nor random"
         )  # fmt: skip
-        return _with(own, why=f"the line at {f_c:.4g} Hz {why}; record longer")
+        return _with(own, why=f"the line at {f_c:.4g} Hz {why}: its envelope is {steady:.2f}, "
+                     "1 is steady, 2 random; record longer")  # fmt: skip
     random = "random, as of a structure that noise shakes"
     what = random if steady >= MIDPOINT else "too short for chatter"
     sure = float(beta.ppf(0.05, count / 2 + 0.5, 0.5))
