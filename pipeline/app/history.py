@@ -24,7 +24,7 @@ def history_rows(machine: str | None, at: str | None, root: Path = Path()) -> li
     found = []
     for name in [machine] if machine else active_fleet().machines:
         entries, when = events(name, root), ""
-        shown = entries
+        shown: Sequence[Entry] = entries
         if at is not None:
             first, last = _span(at, name)
             shown, when = serving_during(entries, first, last), f" at {at}"

@@ -105,9 +105,7 @@ def history(
     ] = None,
     at: Annotated[
         str | None,
-        typer.Option(
-            help="Who served at this time, as 2026-03-01T06:00Z, or on this day, as 2026-03-01."
-        ),
+        typer.Option(help="Who served at 2026-03-01T06:00Z, or on the day 2026-03-01."),
     ] = None,
     json: kerf.Json = None,
 ) -> None:

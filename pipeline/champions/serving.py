@@ -13,7 +13,7 @@ from typing import Any
 from pipeline.registry.history import server_history
 from pipeline.registry.loading import checked_place
 from pipeline.registry.provenance import CHAMPIONS
-from pipeline.registry.runs import register, renumber
+from pipeline.registry.runs import MadeWith, register, renumber
 from pipeline.registry.sqlite import ARTIFACTS, Version
 from pipeline.registry.store import DATABASE, is_shared, name_versions, offline, versions
 from pipeline.schema.bundle import (
@@ -104,9 +104,8 @@ def keep_serving(machine: str, names: Sequence[str], root: Path = Path()) -> Cha
 
 
 def _kept(machine: str, names: Sequence[str], root: Path) -> Champion:
-    newest, champion = (
-        bundle_of(root / DATA / "models" / machine, machine, names), champion_of(machine, root)
-    )  # fmt: skip
+    newest = bundle_of(root / DATA / "models" / machine, machine, names)
+    champion = champion_of(machine, root)
     experiment = bool(os.environ.get(EXPERIMENT_RUN))  # what it makes challenges nobody
     _register_all(machine, names, root, champion, None if experiment else newest)
     wanted = champion.bundle if champion else first_serving(newest, versions(machine, root))
@@ -134,12 +133,12 @@ def _register_all(
             )  # fmt: skip
     own = {bundle: number for number, bundle in numbers.items()}
     gone = {e.bundle for e in history_of(machine, root) if e.event == "deleted"}
-    found = []
+    found: list[tuple[Bundle, Path, MadeWith]] = []
     for name in ("warm", "champion"):
         folder = root / DATA / name / machine
         there = stored_bundle(folder, machine)
-        served = own if name == "warm" else {champion.bundle} if champion else ()
-        if there is not None and there.sha256 in served and there.sha256 not in gone:
+        known = own if name == "warm" else {champion.bundle} if champion else ()
+        if there is not None and there.sha256 in known and there.sha256 not in gone:
             found.append((there, folder, dict))
     if newest is not None:
         found.append((newest, root / DATA / "models" / machine,
@@ -147,11 +146,11 @@ def _register_all(
     for bundle, folder, settings in sorted(found, key=lambda one: own.get(one[0].sha256, inf)):
         register(bundle, folder, root, made_with=settings, numbers=numbers)
     if numbers and not before:
-        there = ", ".join(str(one.version) for one in versions(machine, root))
+        again = ", ".join(str(one.version) for one in versions(machine, root))
         LOG.warning(
-            "the registry had no version of %s: it holds %s again, by the numbers of its history; "
-            "other versions up to %d are gone with the registry of before",
-            machine, there, max(numbers),
+            "the registry had no version of %s: it holds %s now, by the numbers of its history, "
+            "and counts on after %d",
+            machine, again, max(numbers),
         )  # fmt: skip
 
 
