@@ -90,8 +90,9 @@ def renumber(version: Version, root: Path, numbers: Mapping[int, str]) -> int:
     client, name, old = client_of(root), model_name(version.machine), str(version.version)
     with reached("written"):
         stored = client.get_model_version(name, old)
-        number = _numbered(client, name, numbers, version.tags, stored.source, version.run,
-                           version.description, logged_model(stored))  # fmt: skip
+        number = _numbered(client, name, numbers, version.tags, source=stored.source,
+                           run=version.run, description=version.description,
+                           model_id=logged_model(stored))  # fmt: skip
         for alias in version.aliases:
             client.set_registered_model_alias(name, alias, str(number))
         client.delete_model_version(name, old)
@@ -99,7 +100,7 @@ def renumber(version: Version, root: Path, numbers: Mapping[int, str]) -> int:
 
 
 def _numbered(
-    client: Any, name: str, numbers: Mapping[int, str], tags: Mapping[str, str], source: str,
+    client: Any, name: str, numbers: Mapping[int, str], tags: Mapping[str, str], *, source: str,
     run: str, description: str, model_id: str,
 ) -> int:  # fmt: skip
     """Number of a new version: its bundle's own one, else one after all that the history knows.
@@ -155,8 +156,8 @@ def _log(
     if not client.search_registered_models(f"name='{name}'"):
         with made_by_another():
             client.create_registered_model(name)
-    _numbered(client, name, numbers, tags, f"models:/{model_id}", run.info.run_id,
-              as_description(card), model_id)  # fmt: skip
+    _numbered(client, name, numbers, tags, source=f"models:/{model_id}", run=run.info.run_id,
+              description=as_description(card), model_id=model_id)  # fmt: skip
 
 
 def _log_pyfunc(
