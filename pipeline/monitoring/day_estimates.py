@@ -6,14 +6,15 @@ windows of an hour.  The power of a cut is what the spindle's load says above th
 
     P_c = eta P_motor - P_0(n),    F_t = P_c / v_c,    v_c = pi D n,
 
-with P_0 as it was identified on this machine and D from its tool table (Twin2026); its 90 %
-interval holds the rounding of the load, the uncertainty of P_0 and that of the load's scale, which
-P_0 shares.  The following error at constant feed is e = v (1 - k_ff) / K_v (Sim2023).
+with P_0 as it was identified on this machine and D from its tool table (Twin2026).  The 90 %
+interval holds the rounding of the load, the uncertainty of P_0, its drift with the temperature of
+bearings on training days, and the load's scale, which P_0 shares.  The following error at constant
+feed is e = v (1 - k_ff) / K_v (Sim2023).
 """
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,18 +37,21 @@ from pipeline.schema.twin_state import (
     Coverage,
 )
 from pipeline.schema.verdict import widest
+from pipeline.signals.cleaning.settings import CleanSettings
 from pipeline.submodels.cases import Case
+from pipeline.submodels.conformal import ALL_REGIMES, Residuals, bands
 from pipeline.submodels.cutting.spindle_load.levels import (
     BEYOND,
     LoadScale,
     resolution,
-    runs,
     settled,
 )
 from pipeline.submodels.spindle.days import FREE_RUN, WINDOWS
 
 NORMAL_90, NORMAL_95 = 1.645, 1.960
 """Half widths of 90 % and 95 % intervals over the standard deviation of normal errors [1]."""
+TOOL_CHANGE_S = 20.0
+"""Time about a change of the tool's number that a tool change may take, chip to chip [s]."""
 STEADY = 0.02
 """Share by which a feed may differ from those beside it to count as constant [1]."""
 TEMPERATURES = {FREE_RUN: "spindle_temperature", WINDOWS: "spindle_temperature_windows"}
@@ -69,6 +73,8 @@ class SpindlePower:
     """Time of constant speed before a load counts [s]."""
     curve: tuple[NoLoadPoint, ...]
     """Identified no-load power."""
+    drift: float = 0.0
+    """Half of the 90 % interval of P_0 beyond its identification, as a share, on training days."""
 
     def no_load(self, n: Floats) -> tuple[Floats, Floats]:
         """P_0 and its standard deviation without that of the scale [W] at ``n`` (T,) [rev/s].
@@ -95,8 +101,8 @@ class Estimators:
     power: SpindlePower | None
     diameters: Mapping[int, float]
     """Diameters of the machine's tools by their number [m]."""
-    turning_rpm: float
-    """Speed above which the spindle turns [rev/min]."""
+    cleaning: CleanSettings
+    """Rules of cleaning: when a spindle turns, and when a load is above that without a cut."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -139,15 +145,12 @@ def day_state(
     """Columns of a day and the coverage of each quantity."""
     settle_s = 1.5 if given.power is None else given.power.settle_s
     steady = settled(rows.seconds, rows.number("spindle_speed"), settle_s=settle_s)
-    mode = modes(rows, segments, given.turning_rpm)
+    mode = modes(rows, segments, given.cleaning)
     values: Values = {
         name: rows.number(name) if unit else rows.table[name].combine_chunks()
         for name, unit in CONTEXT.items() if name in rows.table.column_names
     }  # fmt: skip
     values["spindle_steady"] = pa.array(steady, mask=np.isnan(rows.number("spindle_speed")))
-    values["mode"] = pa.DictionaryArray.from_arrays(
-        pa.array(mode, pa.int32(), mask=mode < 0), pa.array(MODES)
-    )
     reasons: Reasons = {}
     for found, why in (
         temperatures(rows, given, sealed=sealed),
@@ -156,6 +159,9 @@ def day_state(
     ):
         values |= found
         reasons |= why
+    values["mode"] = pa.DictionaryArray.from_arrays(
+        pa.array(mode, pa.int32(), mask=mode < 0), pa.array(MODES)
+    )
     coverage = {
         one.name: _coverage(values.get(f"{one.name}_estimated"), rows, reasons[one.name])
         for one in QUANTITIES
@@ -163,7 +169,7 @@ def day_state(
     return values, coverage
 
 
-def modes(rows: DayRows, segments: pa.Table, turning_rpm: float) -> Any:
+def modes(rows: DayRows, segments: pa.Table, cleaning: CleanSettings) -> Any:
     """Place in :data:`MODES` of each row's mode, -1 where it is not known, (T,).
 
     That is the kind of the segment that a row lies in; a tool change is the stretch about a change
@@ -176,15 +182,17 @@ def modes(rows: DayRows, segments: pa.Table, turning_rpm: float) -> Any:
     mode = np.full(len(time), -1)
     if len(kinds):
         mode = np.where((place >= 0) & (time < end[place]), np.array(kinds)[place], -1)
-    words, tool = rows.words("tool_number")
+    _, tool = rows.words("tool_number")
     states, state = rows.words("execution")
     active = np.array([one == "ACTIVE" for one in states] + [not states])[state]
-    stands = active & ~(np.abs(rows.number("spindle_speed")) > turning_rpm)
+    stands = active & ~(np.abs(rows.number("spindle_speed")) > cleaning.turning_rpm)
     changed = np.flatnonzero((np.diff(tool) != 0) & (tool[1:] >= 0) & (tool[:-1] >= 0)) + 1
-    stretch = runs(stands & (mode != MODES.index("cut")))
-    near = np.unique(stretch[np.clip(changed[:, None] + [-1, 0, 1], 0, max(len(time) - 1, 0))])
-    if len(words) > 1:
-        mode[np.isin(stretch, near[near >= 0])] = MODES.index("tool_change")
+    at = rows.seconds[changed]
+    inside = np.zeros(len(time) + 1)
+    np.add.at(inside, np.searchsorted(rows.seconds, at - TOOL_CHANGE_S), 1)
+    np.add.at(inside, np.searchsorted(rows.seconds, at + TOOL_CHANGE_S, side="right"), -1)
+    near = stands & (np.cumsum(inside)[:-1] > 0) & (mode != MODES.index("cut"))
+    mode[near] = MODES.index("tool_change")
     return mode
 
 
@@ -208,21 +216,29 @@ def temperatures(rows: DayRows, given: Estimators, *, sealed: bool) -> tuple[Val
         everywhere = bool(why)
         if not why:
             factor = widest(case.conditions, serving.model.conditions)
-            unknown = serving.verdict.unknown_intervals
+            lacks = interval_lacks(serving)
             for regime, name in TEMPERATURES.items():
                 of = frame[frame["regime"] == regime]
                 own = _held(of, rows.seconds, factor)
-                if (
-                    serving.one.targets(serving.judging, serving.model)[0].quantity,
-                    regime,
-                ) in unknown:
-                    own = {"estimated": own["estimated"]}
+                own = {part: own[part] for part in own if part == "estimated" or name not in lacks}
                 values |= {f"{name}_{part}": one for part, one in own.items()}
                 values[f"{name}_residual"] = measured - own["estimated"]
     return values, {
         name: [(why, everywhere), ("speed, load or temperature not known", True)]
         for name in TEMPERATURES.values()
     }
+
+
+def interval_lacks(serving: ServingModel | None) -> dict[str, str]:
+    """Why the interval of a temperature is not known, by the name of the quantity."""
+    if serving is None:
+        return {}
+    why = serving.verdict.unknown_intervals
+    lacks = {name: why[TEMPERATURES[FREE_RUN], regime] for regime, name in TEMPERATURES.items()
+             if (TEMPERATURES[FREE_RUN], regime) in why}  # fmt: skip
+    if serving.model.intervals is None:  # type: ignore[attr-defined]
+        lacks = dict.fromkeys(TEMPERATURES.values(), "one training day calibrates no interval")
+    return lacks
 
 
 def _held(of: Any, seconds: Floats, factor: float) -> Values:
@@ -249,49 +265,108 @@ def spindle_power(serving: ServingModel | None) -> SpindlePower | None:
                         settle_s=records.settle_s, curve=facts.curve)  # fmt: skip
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PowerRows:
+    """Power of the spindle at the tool in the rows of a day, (T,) each [W]."""
+
+    known: Bools
+    fast: Bools
+    """Rows with speed and load, and those of them at the minimum speed or above."""
+    steady: Bools
+    at_tool: Floats
+    no_load: Floats
+    """Power by the load, and the no-load power at the speed, NaN where it was not identified."""
+    deviation: Floats
+    """Standard deviation of their difference, but for the scale of the load."""
+    speed: Floats
+    """[rev/s]."""
+    free: Bools
+    """Rows in which the spindle turns and nothing is fed, so that nothing can be cut."""
+
+    @property
+    def defined(self) -> Bools:
+        """Rows in which the power at the tool is defined."""
+        return self.known & self.fast & self.steady & np.isfinite(self.no_load)
+
+
+def power_rows(rows: DayRows, power: SpindlePower, steady: Bools, mode: Any) -> PowerRows:
+    """Power of the spindle in the rows of a day."""
+    load = np.abs(rows.number("spindle_load"))
+    n = np.abs(rows.number("spindle_speed")) / MINUTE
+    known = np.isfinite(load) & np.isfinite(n)
+    no_load, own = power.no_load(n)
+    step = power.scale.power(resolution(load[known]), n)
+    feed = rows.number("path_feedrate")
+    still = mode == MODES.index("air") if np.isnan(feed).all() else feed == 0
+    return PowerRows(
+        known=known, fast=n >= power.scale.drive.minimum_speed, steady=steady, no_load=no_load,
+        at_tool=power.scale.power(load, n), deviation=np.hypot(step / np.sqrt(12), own), speed=n,
+        free=still & (mode != MODES.index("cut")),
+    )  # fmt: skip
+
+
+def with_drift(
+    power: SpindlePower, days: Iterable[DayRows], segments: pa.Table, cleaning: CleanSettings
+) -> SpindlePower:
+    """The power with the drift of its no-load power over training ``days``, two at least."""
+    found = []
+    for rows in days:
+        steady = settled(rows.seconds, rows.number("spindle_speed"), settle_s=power.settle_s)
+        one = power_rows(rows, power, steady, modes(rows, segments, cleaning))
+        chosen = one.defined & one.free
+        error = np.abs(one.at_tool - one.no_load) - NORMAL_90 * one.deviation
+        share = np.maximum(error[chosen], 0.0) / one.no_load[chosen]
+        found.append(Residuals(
+            error=share, regime=np.full(len(share), ""), group=np.full(len(share), rows.day),
+            t=rows.seconds[chosen],
+        ))  # fmt: skip
+    if sum(len(one.error) > 0 for one in found) < 2:
+        return power
+    return replace(power, drift=bands(Residuals.joined(found))[ALL_REGIMES].upper)
+
+
 def spindle_powers(
     rows: DayRows, given: Estimators, steady: Bools, mode: Any
 ) -> tuple[Values, Reasons]:
-    """No-load power, cutting power and tangential force where they are defined."""
+    """No-load power, cutting power and tangential force where they are defined.
+
+    Air whose power is above the no-load power for sure becomes a cut in ``mode``: the log's own
+    level, a low quantile of the loads at a speed, hides it where a speed is only cut at.
+    """
     names = ("no_load_power", "cutting_power", "tangential_force")
     power = given.power
     if power is None:
         why = "no model with the spindle's no-load power serves"
         return {}, {name: [(why, True)] for name in names}
-    load = np.abs(rows.number("spindle_load"))
-    n = np.abs(rows.number("spindle_speed")) / MINUTE
-    known = np.isfinite(load) & np.isfinite(n)
-    no_load, own = power.no_load(n)
-    at_tool = power.scale.power(load, n)
-    step = power.scale.power(resolution(load[known]), n)
-    sd = np.hypot(step / np.sqrt(12), own)
-    slow = n < power.scale.drive.minimum_speed
-    defined = known & ~slow & steady & np.isfinite(no_load)
-    cut = defined & (mode == MODES.index("cut"))
-    free = defined & np.isin(mode, [MODES.index(one) for one in ("air", "warm_up")])
-    above = at_tool - no_load
-    half = NORMAL_90 * np.hypot(sd, power.scale_error / NORMAL_95 * above)
+    one = power_rows(rows, power, steady, mode)
+    above, cutting = one.at_tool - one.no_load, MODES.index("cut")
+    half_free = NORMAL_90 * one.deviation + power.drift * one.no_load
+    half = np.hypot(half_free, NORMAL_90 / NORMAL_95 * power.scale_error * above)
+    margin = power.scale.power(given.cleaning.load_margin, one.speed)
+    fed = one.defined & ~one.free & (mode == MODES.index("air"))
+    mode[fed & (above - half > margin)] = cutting
+    cut, free = one.defined & (mode == cutting), one.defined & one.free
     words, place = rows.words("tool_number")
-    diameter = np.array([given.diameters.get(tool_of(one), np.nan) for one in words] + [np.nan])
-    speed = np.pi * diameter[place] * n
-    values = {
-        "no_load_power_measured": np.where(free, at_tool, np.nan),
-        "no_load_power_residual": np.where(free, above, np.nan),
-        **_interval("no_load_power", np.where(free, no_load, np.nan), NORMAL_90 * sd),
-        **_interval("cutting_power", np.where(cut, above, np.nan), half),
-    }
+    diameter = np.array([given.diameters.get(tool_of(word), np.nan) for word in words] + [np.nan])
+    speed = np.pi * diameter[place] * one.speed
     with np.errstate(divide="ignore", invalid="ignore"):
         force, width = np.where(cut, above / speed, np.nan), half / speed
-    values |= _interval("tangential_force", force, width)
+    values = {
+        "no_load_power_measured": np.where(free, one.at_tool, np.nan),
+        **_interval("no_load_power", np.where(free, one.no_load, np.nan), half_free),
+        "no_load_power_residual": np.where(free, above, np.nan),
+        **_interval("cutting_power", np.where(cut, above, np.nan), half),
+        **_interval("tangential_force", force, width),
+    }
     common = [
-        ("speed or load not known", ~known), ("spindle stands", ~(n > 0)),
-        ("spindle below its minimum speed", slow), ("spindle's speed changes", ~steady),
-        ("speed beyond those of the no-load power", np.isnan(no_load)),
+        ("speed or load not known", ~one.known), ("spindle stands", ~(one.speed > 0)),
+        ("spindle below its minimum speed", ~one.fast), ("spindle's speed changes", ~steady),
+        ("speed beyond those of the no-load power", np.isnan(one.no_load)),
     ]  # fmt: skip
-    turns = ("spindle turns in a cut, or not in a program", ~free)
-    no_cut = ("no cut", mode != MODES.index("cut"))
+    no_cut = ("no cut", mode != cutting)
     return values, {
-        "no_load_power": [*common, turns], "cutting_power": [no_cut, *common],
+        "no_load_power": [*common, ("fed, so that it may cut", True)],
+        "cutting_power": [no_cut, *common],
         "tangential_force": [no_cut, *common, ("tool not in the tool table", True)],
     }  # fmt: skip
 

@@ -1,11 +1,12 @@
 """State of the twin over single recordings: trend of vibration, force against the dynamometer.
 
 The vibration of a cut is the RMS of its windows from 10 to 1000 Hz.  Expected at its conditions is
-a log-linear regression on them and on the wear, fitted to the other tools,
+a log-linear regression on them and on the wear, fitted robustly to the other tools,
 
     ln RMS = c_0 + sum_i c_i ln x_i + c_w VB + words,
 
-so that the correlation of measured and expected says what the conditions explain of a new tool.
+at the level of the tool's own earlier cuts of the same kind: how resonances answer a speed that no
+other tool has run at, conditions do not say.
 """
 
 from dataclasses import dataclass
@@ -18,12 +19,12 @@ from pipeline.cutting.force.force_law import N_MM, N_MM2
 from pipeline.monitoring.day_estimates import spindle_power
 from pipeline.monitoring.nightly import ServingModel
 from pipeline.schema.arrays import Floats
+from pipeline.schema.golden import GoldenSets
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.schema.twin_state import RECORDINGS, ForceCheck, TrendCheck, write_recordings
-from pipeline.signals.wear_lives import read_lives
 from pipeline.signals.wear_windows import WearWindows
-from pipeline.submodels.cases import Records
-from pipeline.submodels.conformal import Residuals, bands
+from pipeline.submodels.cases import Records, role_of
+from pipeline.submodels.conformal import ALL_REGIMES, Residuals, bands
 from pipeline.submodels.cutting.spindle_load.identify import load_logs
 from pipeline.submodels.cutting.spindle_load.levels import load_levels
 from pipeline.submodels.cutting.spindle_load.readings import cut_log, program_lines, read_log
@@ -33,6 +34,12 @@ VIBRATIONS = ("m/s^2", "m/s")
 RIDGE = 1e-2
 """Penalty of the regression on standardised conditions, a share of the recordings [1]: conditions
 that always change together share their effect."""
+HUBER, REWEIGHTED = 1.345, 20
+"""Huber's constant, for 95 % efficiency with normal errors [1], and his reweightings."""
+SILENT = 0.05
+"""Share of a tool's usual RMS below which a sensor shows nothing of a cut [1]."""
+EARLIER = 2
+"""Cuts of a tool from which its level is known."""
 FEWEST_TOOLS = 3
 """Least number of tools for a correlation over tools left out."""
 
@@ -78,23 +85,22 @@ def band_rms(values: Any, rate_Hz: float, band_Hz: tuple[float, float]) -> Float
 
 
 def recorded_trends(
-    serving: ServingModel | None, records: Records, settings: TwinStateSettings, out: Path
-) -> tuple[TrendCheck, ...]:
+    serving: ServingModel | None, records: Records, sets: GoldenSets | None,
+    settings: TwinStateSettings, out: Path,
+) -> tuple[TrendCheck, ...]:  # fmt: skip
     """Vibration of each recorded cut beside what is expected of it; writes ``recordings.parquet``.
 
     ``serving``: the champion's wear model, whose settings name the recordings; none without.
+    Sealed tools are not looked at.
     """
     (out / RECORDINGS).unlink(missing_ok=True)
     if serving is None or records.signals is None:
         return ()
-    judging = serving.judging
-    lives = read_lives(
-        records.signals, judging.wear_records, judging.roles.is_training,
-        in_use=judging.wear_life.in_use,
-    ).lives  # fmt: skip
-    if not lives:
+    lives = serving.one.cases(records, serving.judging, sets)
+    open_ones = lives.of("training", "held_out", "golden")
+    if not open_ones:
         return ()
-    windows = WearWindows.joined([life.windows for life in lives])
+    windows = WearWindows.joined([one.load() for one in open_ones])
     channels = [k for k, unit in enumerate(windows.units) if unit in VIBRATIONS]
     band = (settings.band_Hz[0], settings.band_Hz[1])
     if not channels:
@@ -112,23 +118,23 @@ def recorded_trends(
     count = np.bincount(member)
     rows: dict[str, list[Any]] = {}
     checks = []
+    design, conditions = _design(cuts)
+    kinds = [cuts.conditions[n] for n in cuts.conditions if n not in cuts.condition_units]
+    kind = np.array(["|".join(map(str, one)) for one in zip(cuts.tool, *kinds, strict=True)])
     for place, k in enumerate(channels):
         rms = np.sqrt(np.bincount(member, power[:, place]) / count)
-        design, conditions = _design(cuts)
-        expected, low, high = _expected(rms, design, cuts.tool)
-        known = np.isfinite(expected)
-        several = len(set(cuts.tool[known].tolist())) >= FEWEST_TOOLS
-        r = float(np.corrcoef(rms[known], expected[known])[0, 1]) if several else None
-        checks.append(_check(
-            windows, k, settings, recordings=int(known.sum()), conditions=conditions,
-            tools=len(set(cuts.tool[known].tolist())), r=None if r is None else round(r, 4),
-            reason="" if several else f"fewer than {FEWEST_TOOLS} tools of known wear",
-        ))  # fmt: skip
+        usual = np.array([np.median(rms[cuts.tool == one]) for one in cuts.tool])
+        log = np.log(np.where(rms > SILENT * usual, rms, np.nan))  # a dead sensor shows no cut
+        new = _expected(np.exp(log), design, cuts.tool)
+        following = _followed(log, new, kind, cuts.progress)
+        half = _half_width(log - following, cuts.tool)
+        checks.append(_check(windows, k, settings, conditions, cuts.tool, log, (new, following)))
         columns = {
             "recording": names, "tool": cuts.tool, "quantity": [windows.channels[k]] * len(names),
-            "unit": [windows.units[k]] * len(names),
-            "measured": rms, "estimated": expected, "low": low, "high": high,
-            "residual": rms - expected, "wear": cuts.wear,
+            "unit": [windows.units[k]] * len(names), "measured": rms,
+            "estimated": np.exp(following), "low": np.exp(following - half),
+            "high": np.exp(following + half), "residual": rms - np.exp(following),
+            "estimated_new_tool": np.exp(new), "wear": cuts.wear,
             **{name: cuts.conditions[name] for name in cuts.condition_units},
         }  # fmt: skip
         for name, one in columns.items():
@@ -141,13 +147,26 @@ def recorded_trends(
 
 
 def _check(
-    windows: WearWindows, channel: int, settings: TwinStateSettings, *, recordings: int = 0,
-    tools: int = 0, r: float | None = None, conditions: tuple[str, ...] = (), reason: str = "",
+    windows: WearWindows, channel: int, settings: TwinStateSettings,
+    conditions: tuple[str, ...] = (), tool: Any = (), log: Any = (), estimates: Any = (),
+    *, reason: str = "",
 ) -> TrendCheck:  # fmt: skip
+    """Correlation of a channel's measured RMS with its estimates; their logarithms, (N,) each."""
+    correlations: list[float | None] = []
+    tools, recordings = 0, 0
+    for one in estimates:
+        both = np.isfinite(one) & np.isfinite(log)
+        tools, recordings = len(np.unique(tool[both])), int(both.sum())
+        several = tools >= FEWEST_TOOLS
+        r = np.corrcoef(np.exp(log[both]), np.exp(one[both]))[0, 1] if several else None
+        correlations.append(None if r is None or not np.isfinite(r) else round(float(r), 4))
+    if not reason and None in correlations:
+        reason = f"fewer than {FEWEST_TOOLS} tools of known wear with {EARLIER + 1} cuts of a kind"
+    new, following = correlations or (None, None)
     return TrendCheck(
         quantity=windows.channels[channel], unit=windows.units[channel], recordings=recordings,
-        band_Hz=(settings.band_Hz[0], settings.band_Hz[1]), tools=tools, correlation=r,
-        least=settings.correlation, conditions=conditions, reason=reason,
+        band_Hz=(settings.band_Hz[0], settings.band_Hz[1]), tools=tools, correlation=following,
+        correlation_new_tool=new, least=settings.correlation, conditions=conditions, reason=reason,
     )  # fmt: skip
 
 
@@ -175,34 +194,60 @@ def _design(cuts: WearWindows) -> tuple[Floats, tuple[str, ...]]:
     return (design - np.nanmean(design, axis=0)) / np.nanstd(design, axis=0), tuple(varied)
 
 
-def _expected(rms: Floats, design: Floats, tool: Any) -> tuple[Floats, Floats, Floats]:
-    """RMS of each cut that the other tools' cuts say, and its 90 % interval, (N,) each."""
+def _expected(rms: Floats, design: Floats, tool: Any) -> Floats:
+    """Logarithm of the RMS of each cut that the cuts of the other tools say, (N,)."""
     with np.errstate(divide="ignore"):
         log = np.log(rms)
     known = np.isfinite(design).all(axis=1) & np.isfinite(log)
-    predicted = np.full(len(rms), np.nan)
+    expected = np.full(len(rms), np.nan)
     for one in np.unique(tool):
-        others = known & (tool != one)
-        own = known & (tool == one)
+        others, own = known & (tool != one), known & (tool == one)
         if len(np.unique(tool[others])) > 1:
-            x, y = design[others], log[others]
-            gram = x.T @ (x - x.mean(axis=0)) + RIDGE * len(x) * np.eye(x.shape[1])
-            slope = np.linalg.solve(gram, x.T @ (y - y.mean()))
-            predicted[own] = y.mean() + (design[own] - x.mean(axis=0)) @ slope
-    there = np.isfinite(predicted)
+            level, slope = _robust(design[others], log[others])
+            expected[own] = level + design[own] @ slope
+    return expected
+
+
+def _robust(x: Floats, y: Floats) -> tuple[float, Floats]:
+    """Level and slopes (D,) of y (N,) on x (N, D) by Huber's weights: cuts with a fault are few."""
+    weight = np.ones(len(y))
+    for _ in range(REWEIGHTED):
+        centre, level = weight @ x / weight.sum(), float(weight @ y / weight.sum())
+        apart = x - centre
+        gram = (apart.T * weight) @ apart + RIDGE * len(y) * np.eye(x.shape[1])
+        slope = np.linalg.solve(gram, (apart.T * weight) @ (y - level))
+        left = np.abs(y - level - apart @ slope)
+        weight = np.minimum(1.0, HUBER * np.median(left) / 0.6745 / np.maximum(left, 1e-12))
+    return level - float(centre @ slope), slope
+
+
+def _followed(log: Floats, expected: Floats, kind: Any, progress: Floats) -> Floats:
+    """Expected logarithms (N,) at the level of the earlier cuts of the same tool and kind."""
+    found = np.full(len(log), np.nan)
+    for one in np.unique(kind):
+        rows = np.flatnonzero((kind == one) & np.isfinite(expected) & np.isfinite(log))
+        rows = rows[np.argsort(progress[rows], kind="stable")]
+        for k in range(EARLIER, len(rows)):
+            before = rows[:k]
+            found[rows[k]] = expected[rows[k]] + np.median((log - expected)[before])
+    return found
+
+
+def _half_width(error: Floats, tool: Any) -> float:
+    """Half of the 90 % interval of errors (N,) of tools; NaN without any."""
+    there = np.isfinite(error)
     if not there.any():
-        return predicted, predicted, predicted
-    left = Residuals(
-        error=(log - predicted)[there], regime=np.full(int(there.sum()), ""), group=tool[there],
-        t=np.arange(int(there.sum()), dtype=float),
-    )  # fmt: skip
-    half = bands(left)[""].upper
-    return np.exp(predicted), np.exp(predicted - half), np.exp(predicted + half)
+        return float("nan")
+    count = int(there.sum())
+    return bands(Residuals(
+        error=error[there], regime=np.full(count, ""), group=tool[there], t=np.arange(float(count)),
+    ))[ALL_REGIMES].upper  # fmt: skip
 
 
 def force_check(
-    serving: ServingModel | None, records: Records, settings: TwinStateSettings
-) -> ForceCheck | None:
+    serving: ServingModel | None, records: Records, sets: GoldenSets | None,
+    settings: TwinStateSettings,
+) -> ForceCheck | None:  # fmt: skip
     """Force from the spindle's load in cuts of known engagement against the dynamometer's law.
 
     The law is K_tc and K_te of the mean forces on the dynamometer, where the load was not recorded;
@@ -220,7 +265,8 @@ def force_check(
     errors, used, why = list[Floats](), list[str](), ""
     for log in load_logs(records.files, load, records.signals, records.raw):
         output = log.entry.get("output")
-        if log.cut is None or output is None:
+        role = role_of([log.name], serving.judging.roles, sets)
+        if log.cut is None or output is None or role == "sealed":
             continue
         try:
             read = read_log(records.signals / str(output), load.items, log.name, cuts=True)

@@ -2,7 +2,7 @@
 
 ``data/twin_state/<machine>/days/<day>.parquet`` has the rows of the clean state table of that day
 and the same columns for every machine, those of :data:`CONTEXT` and of :data:`QUANTITIES`;
-``recordings.parquet`` has a row for each cut and channel that was recorded alone; ``manifest.json``
+``recordings.parquet`` has a row for each cut and channel that was recorded alone; ``state.json``
 is :class:`TwinState`.  Null means not known, and the manifest says why.
 """
 
@@ -20,7 +20,7 @@ from pipeline.schema.verdict import Role, Status
 if TYPE_CHECKING:
     import pyarrow as pa
 
-MANIFEST, RECORDINGS, DAYS = "manifest.json", "recordings.parquet", "days"
+MANIFEST, RECORDINGS, DAYS = "state.json", "recordings.parquet", "days"
 MODES = ("idle", "air", "cut", "warm_up", "tool_change")
 """Modes of a row, null where the machine's is not known; a machine that is off has no row."""
 WORDS = ("mode", "execution", "program", "tool_number")
@@ -104,8 +104,10 @@ class TrendCheck:
     recordings: int
     tools: int
     correlation: float | None
-    """Pearson's r of measured and expected, each tool expected from the others; None for fewer than
-    three tools."""
+    """Pearson's r of measured and estimated: the effect of wear and conditions from other tools,
+    the level from earlier cuts of the tool; None for fewer than three tools."""
+    correlation_new_tool: float | None
+    """The same where the level too is from other tools."""
     least: float
     """Correlation that is asked for [1]."""
     conditions: tuple[str, ...]
@@ -131,7 +133,7 @@ class ForceCheck:
 
 @dataclass(frozen=True, kw_only=True)
 class TwinState:
-    """The content of ``manifest.json``."""
+    """The content of ``state.json``."""
 
     machine: str
     origin: str
@@ -142,6 +144,11 @@ class TwinState:
     period_s: float
     """Time between two rows [s]."""
     days: Mapping[str, StateDay]
+    no_load_drift: float | None = None
+    """Half of the 90 % interval of the no-load power beyond its identification, as a share of it:
+    what it drifted by on training days; None where it is not identified."""
+    intervals_unknown: Mapping[str, str] = field(default_factory=dict)
+    """Why low and high of a quantity are null throughout."""
     trends: tuple[TrendCheck, ...] = ()
     force: ForceCheck | None = None
 
