@@ -13,107 +13,79 @@ feed is e = v (1 - k_ff) / K_v (Sim2023).
 """
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from pipeline.monitoring.nightly import ServingModel
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.cutting import NoLoadPoint
-from pipeline.schema.days import day_start
-from pipeline.schema.si import MINUTE, NS
-from pipeline.schema.twin_state import (
-    AXES,
-    CONTEXT,
-    MODES,
-    QUANTITIES,
-    UNMEASURED,
-    Coverage,
-)
+from pipeline.schema.si import MINUTE
+from pipeline.schema.twin_state import AXES, CONTEXT, MODES
 from pipeline.schema.verdict import widest
 from pipeline.signals.cleaning.settings import CleanSettings
 from pipeline.submodels.cases import Case
 from pipeline.submodels.conformal import ALL_REGIMES, Residuals, bands
-from pipeline.submodels.cutting.spindle_load.levels import (
-    BEYOND,
-    LoadScale,
-    resolution,
-    settled,
-)
+from pipeline.submodels.cutting.settings import SpindleLoadRecords
+from pipeline.submodels.cutting.spindle_load.levels import BEYOND, NORMAL, resolution, settled
 from pipeline.submodels.spindle.days import FREE_RUN, WINDOWS
 
-NORMAL_90, NORMAL_95 = 1.645, 1.960
-"""Half widths of 90 % and 95 % intervals over the standard deviation of normal errors [1]."""
+NORMAL_90 = 1.645
+"""Half of a 90 % interval of a normal distribution over its standard deviation [1]."""
 TOOL_CHANGE_S = 20.0
 """Time about a change of the tool's number that a tool change may take, chip to chip [s]."""
 STEADY = 0.02
 """Share by which a feed may differ from those beside it to count as constant [1]."""
+CUT, AIR = MODES.index("cut"), MODES.index("air")
 TEMPERATURES = {FREE_RUN: "spindle_temperature", WINDOWS: "spindle_temperature_windows"}
 """Quantity by the regime of the champion's prediction."""
-Values = dict[str, Any]
-"""Columns of a day by name, (T,) each."""
 Reasons = dict[str, list[tuple[str, Any]]]
-"""Why a quantity is not known, with the rows where it is so (all for True); the first counts."""
+Estimates = tuple[dict[str, Any], Reasons]
+"""Columns (T,) by name; for each quantity the reasons why it is not known with their rows, True
+for all, of which the first counts."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SpindlePower:
-    """Conversion of a spindle's load into power at the tool, and its no-load power."""
+    """Power of the spindle at the tool by its load, and its identified no-load power."""
 
-    scale: LoadScale
-    scale_error: float
-    """Half of the 95 % interval of the scale, as a share [1]."""
-    settle_s: float
-    """Time of constant speed before a load counts [s]."""
+    records: SpindleLoadRecords
     curve: tuple[NoLoadPoint, ...]
-    """Identified no-load power."""
     drift: float = 0.0
     """Half of the 90 % interval of P_0 beyond its identification, as a share, on training days."""
 
     def no_load(self, n: Floats) -> tuple[Floats, Floats]:
-        """P_0 and its standard deviation without that of the scale [W] at ``n`` (T,) [rev/s].
-
-        NaN beyond the speeds of its identification.
-        """
+        """P_0, NaN beyond its speeds, and its deviation without the scale's [W]; n (T,) [rev/s]."""
         points = {one.speed_rpm / MINUTE: one for one in self.curve}
         speeds = np.array(sorted(points))
-        power, half = np.array(
-            [(points[n].power_W, points[n].half_width_95_W) for n in speeds.tolist()]
-        ).T
+        power, half = np.array([(points[v].power_W, points[v].half_width_95_W) for v in speeds]).T
         inside = (n >= speeds[0] * (1 - BEYOND)) & (n <= speeds[-1] * (1 + BEYOND))
-        own = np.sqrt(np.maximum(half**2 - (self.scale_error * power) ** 2, 0.0)) / NORMAL_95
+        own = np.sqrt(np.maximum(half**2 - (self.records.scale_error * power) ** 2, 0.0)) / NORMAL
         return np.where(inside, np.interp(n, speeds, power), np.nan), np.interp(n, speeds, own)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Estimators:
-    """What estimates a machine's quantities: sub-models that serve, and its tools."""
-
-    serving: Mapping[str, ServingModel]
-    cases: Mapping[str, Case]
-    """Cases of the spindle's temperature by day."""
-    power: SpindlePower | None
-    diameters: Mapping[int, float]
-    """Diameters of the machine's tools by their number [m]."""
-    cleaning: CleanSettings
-    """Rules of cleaning: when a spindle turns, and when a load is above that without a cut."""
+def spindle_power(serving: ServingModel | None) -> SpindlePower | None:
+    """Power of the spindle that the champion's cutting model identified; None where it did not."""
+    model: Any = None if serving is None else serving.model
+    if serving is None or model.spindle is None or len(model.spindle.curve) < 2:
+        return None
+    return SpindlePower(records=serving.judging.cutting_records.spindle, curve=model.spindle.curve)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DayRows:
-    """Rows of a day's clean table, T of them."""
+    """Rows of a day's clean table, T of them, with the place of each one's mode in ``MODES``."""
 
     day: str
     table: pa.Table
     seconds: Floats
     """Time since the day's midnight [s]; shape (T,)."""
-    period_s: float
+    segments: pa.Table
+    cleaning: CleanSettings
 
     def number(self, name: str) -> Floats:
         """A column of numbers, NaN where it is not known or not recorded; shape (T,)."""
@@ -128,251 +100,189 @@ class DayRows:
         coded = self.table[name].combine_chunks().dictionary_encode()
         return coded.dictionary.to_pylist(), pc.fill_null(coded.indices, -1).to_numpy()
 
+    def modes(self) -> Any:
+        """Place in ``MODES`` of each row's mode, -1 where it is not known; shape (T,).
 
-def day_rows(clean: Path, day: str, zone: str, period_s: float) -> DayRows:
-    """Rows of a day, those columns that the state needs."""
-    path = clean / "state" / f"{day}.parquet"
-    positions = [f"{axis}_{kind}" for axis in AXES for kind in ("position", "commanded_position")]
-    wanted = {"time", "spindle_temperature", *CONTEXT, *positions}
-    table = pq.read_table(path, columns=[n for n in pq.read_schema(path).names if n in wanted])
-    since = table["time"].cast(pa.int64()).to_numpy() - day_start(day, zone)
-    return DayRows(day=day, table=table, seconds=since / NS, period_s=period_s)
+        That is the kind of its segment; a tool change is where the spindle stands in a running
+        program about a change of the tool's number.
+        """
+        time = self.table["time"].cast(pa.int64()).to_numpy()
+        start, end = (self.segments[k].cast(pa.int64()).to_numpy() for k in ("start", "end"))
+        kinds = [MODES.index(k) if k in MODES else -1 for k in self.segments["kind"].to_pylist()]
+        place = np.searchsorted(start, time, side="right") - 1
+        inside = (place >= 0) & (time < np.append(end, 0)[place])
+        mode = np.where(inside, np.array([*kinds, -1])[place], -1)
+        (_, tool), (states, state) = self.words("tool_number"), self.words("execution")
+        active = np.array([one == "ACTIVE" for one in states] + [not states])[state]
+        turns = np.abs(self.number("spindle_speed")) > self.cleaning.turning_rpm
+        changed = np.flatnonzero((np.diff(tool) != 0) & (tool[1:] >= 0) & (tool[:-1] >= 0)) + 1
+        near = np.zeros(len(time) + 1)
+        for by in (1, -1):
+            at = self.seconds[changed] - by * TOOL_CHANGE_S
+            np.add.at(near, np.searchsorted(self.seconds, at), by)
+        changing = (np.cumsum(near)[:-1] > 0) & active & ~turns & (mode != CUT)
+        return np.where(changing, MODES.index("tool_change"), mode)
 
 
-def day_state(
-    rows: DayRows, segments: pa.Table, given: Estimators, *, sealed: bool = False
-) -> tuple[Values, dict[str, Coverage]]:
-    """Columns of a day and the coverage of each quantity."""
-    settle_s = 1.5 if given.power is None else given.power.settle_s
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Estimators:
+    """What estimates a machine's quantities: sub-models that serve, and its tools."""
+
+    serving: Mapping[str, ServingModel]
+    cases: Mapping[str, Case]
+    """Cases of the spindle's temperature by day, but for sealed ones."""
+    power: SpindlePower | None
+    diameters: Mapping[int, float]
+    """Diameters of the machine's tools by their number [m]."""
+
+
+def day_state(rows: DayRows, given: Estimators) -> Estimates:
+    """Columns of a day's state, and why its quantities are not known elsewhere."""
+    mode = rows.modes()
+    settle_s = given.power.records.settle_s if given.power else SpindleLoadRecords.settle_s
     steady = settled(rows.seconds, rows.number("spindle_speed"), settle_s=settle_s)
-    mode = modes(rows, segments, given.cleaning)
-    values: Values = {
-        name: rows.number(name) if unit else rows.table[name].combine_chunks()
-        for name, unit in CONTEXT.items() if name in rows.table.column_names
-    }  # fmt: skip
-    values["spindle_steady"] = pa.array(steady, mask=np.isnan(rows.number("spindle_speed")))
+    values = {name: rows.number(name) if unit else rows.table[name].combine_chunks()
+              for name, unit in CONTEXT.items() if name in rows.table.column_names}  # fmt: skip
     reasons: Reasons = {}
-    for found, why in (
-        temperatures(rows, given, sealed=sealed),
-        spindle_powers(rows, given, steady, mode),
-        following_errors(rows, given),
-    ):
+    for found, why in (temperatures(rows, given), spindle_powers(rows, given, steady, mode),
+                       following_errors(rows, given.serving.get("drive"))):  # fmt: skip
         values |= found
         reasons |= why
+    values["spindle_steady"] = steady
     values["mode"] = pa.DictionaryArray.from_arrays(
         pa.array(mode, pa.int32(), mask=mode < 0), pa.array(MODES)
     )
-    coverage = {
-        one.name: _coverage(values.get(f"{one.name}_estimated"), rows, reasons[one.name])
-        for one in QUANTITIES
-    }
-    return values, coverage
+    return values, reasons
 
 
-def modes(rows: DayRows, segments: pa.Table, cleaning: CleanSettings) -> Any:
-    """Place in :data:`MODES` of each row's mode, -1 where it is not known, (T,).
-
-    That is the kind of the segment that a row lies in; a tool change is the stretch about a change
-    of the tool's number in which the spindle stands and a program runs.
-    """
-    time = rows.table["time"].cast(pa.int64()).to_numpy()
-    start, end = (segments[one].cast(pa.int64()).to_numpy() for one in ("start", "end"))
-    kinds = [MODES.index(one) if one in MODES else -1 for one in segments["kind"].to_pylist()]
-    place = np.searchsorted(start, time, side="right") - 1
-    mode = np.full(len(time), -1)
-    if len(kinds):
-        mode = np.where((place >= 0) & (time < end[place]), np.array(kinds)[place], -1)
-    _, tool = rows.words("tool_number")
-    states, state = rows.words("execution")
-    active = np.array([one == "ACTIVE" for one in states] + [not states])[state]
-    stands = active & ~(np.abs(rows.number("spindle_speed")) > cleaning.turning_rpm)
-    changed = np.flatnonzero((np.diff(tool) != 0) & (tool[1:] >= 0) & (tool[:-1] >= 0)) + 1
-    at = rows.seconds[changed]
-    inside = np.zeros(len(time) + 1)
-    np.add.at(inside, np.searchsorted(rows.seconds, at - TOOL_CHANGE_S), 1)
-    np.add.at(inside, np.searchsorted(rows.seconds, at + TOOL_CHANGE_S, side="right"), -1)
-    near = stands & (np.cumsum(inside)[:-1] > 0) & (mode != MODES.index("cut"))
-    mode[near] = MODES.index("tool_change")
-    return mode
-
-
-def temperatures(rows: DayRows, given: Estimators, *, sealed: bool) -> tuple[Values, Reasons]:
+def temperatures(rows: DayRows, given: Estimators) -> Estimates:
     """Spindle temperature as the champion predicts it, each value held over the model's step."""
     measured = rows.number("spindle_temperature")
-    values: Values = {"spindle_temperature_measured": measured}
+    values = {"spindle_temperature_measured": measured}
     serving, case = given.serving.get("spindle"), given.cases.get(rows.day)
-    everywhere = True
-    if serving is None:
-        why = "no model of the spindle's temperature serves"
-    elif sealed or case is None:
-        why = "a sealed day is not looked at"
-    else:
-        everywhere, why = False, ""
+    why = "no model serves" if serving is None else "sealed: not looked at"
+    if serving is not None and case is not None:
         try:
             found = serving.predictor(case)
-            frame, why = found.frame, found.note
+            why = found.note
         except ValueError as error:
             why = str(error)
-        everywhere = bool(why)
-        if not why:
-            factor = widest(case.conditions, serving.model.conditions)
-            lacks = interval_lacks(serving)
-            for regime, name in TEMPERATURES.items():
-                of = frame[frame["regime"] == regime]
-                own = _held(of, rows.seconds, factor)
-                own = {part: own[part] for part in own if part == "estimated" or name not in lacks}
-                values |= {f"{name}_{part}": one for part, one in own.items()}
-                values[f"{name}_residual"] = measured - own["estimated"]
-    return values, {
-        name: [(why, everywhere), ("speed, load or temperature not known", True)]
-        for name in TEMPERATURES.values()
-    }
+        lacks = intervals_unknown(serving)
+        factor = widest(case.conditions, serving.model.conditions)
+        for regime, name in TEMPERATURES.items() if not why else ():
+            of = found.frame[found.frame["regime"] == regime]
+            t, estimated = of["t"].to_numpy(float), of["predicted"].to_numpy(float)
+            place = np.searchsorted(t, rows.seconds + 1e-6, side="right") - 1
+            step = np.diff(t, append=np.inf).min()
+            here = (place >= 0) & (rows.seconds - t[place] < step)
+            for part in ("low", "high") if name not in lacks else ():
+                wide = estimated + factor * (of[part].to_numpy(float) - estimated)
+                values[f"{name}_{part}"] = np.where(here, wide[place], np.nan)
+            values[f"{name}_estimated"] = np.where(here, estimated[place], np.nan)
+            values[f"{name}_residual"] = measured - values[f"{name}_estimated"]
+    reason = why or "speed, load or temperature not known"
+    return values, {name: [(reason, True)] for name in TEMPERATURES.values()}
 
 
-def interval_lacks(serving: ServingModel | None) -> dict[str, str]:
+def intervals_unknown(serving: ServingModel | None) -> dict[str, str]:
     """Why the interval of a temperature is not known, by the name of the quantity."""
-    if serving is None:
-        return {}
-    why = serving.verdict.unknown_intervals
-    lacks = {name: why[TEMPERATURES[FREE_RUN], regime] for regime, name in TEMPERATURES.items()
-             if (TEMPERATURES[FREE_RUN], regime) in why}  # fmt: skip
-    if serving.model.intervals is None:  # type: ignore[attr-defined]
-        lacks = dict.fromkeys(TEMPERATURES.values(), "one training day calibrates no interval")
-    return lacks
-
-
-def _held(of: Any, seconds: Floats, factor: float) -> Values:
-    """Predictions of one regime at ``seconds`` (T,), with an interval ``factor`` times as wide."""
-    t, estimated = of["t"].to_numpy(float), of["predicted"].to_numpy(float)
-    step = float(np.diff(t).min()) if len(t) > 1 else np.inf
-    place = np.searchsorted(t, seconds + 1e-6, side="right") - 1
-    here = (place >= 0) & (seconds - t[place] < step)
-    found = {"estimated": np.where(here, estimated[place], np.nan)}
-    for end in ("low", "high"):
-        if end in of:
-            wide = estimated + factor * (of[end].to_numpy(float) - estimated)
-            found[end] = np.where(here, wide[place], np.nan)
-    return found
-
-
-def spindle_power(serving: ServingModel | None) -> SpindlePower | None:
-    """Power of the spindle that the champion's cutting model identified; None where it did not."""
-    records = None if serving is None else serving.judging.cutting_records.spindle
-    facts = None if serving is None else serving.model.spindle  # type: ignore[attr-defined]
-    if records is None or facts is None or len(facts.curve) < 2:
-        return None
-    return SpindlePower(scale=records.scale, scale_error=records.scale_error,
-                        settle_s=records.settle_s, curve=facts.curve)  # fmt: skip
+    model: Any = None if serving is None else serving.model
+    if serving is None or model.intervals is None:
+        why = "no interval: it takes two training days" if serving else ""
+        return dict.fromkeys(TEMPERATURES.values(), why) if serving else {}
+    known = serving.verdict.unknown_intervals
+    return {name: known[TEMPERATURES[FREE_RUN], regime] for regime, name in TEMPERATURES.items()
+            if (TEMPERATURES[FREE_RUN], regime) in known}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PowerRows:
-    """Power of the spindle at the tool in the rows of a day, (T,) each [W]."""
+    """Power of the spindle at the tool in the rows of a day; shape (T,) each."""
 
-    known: Bools
-    fast: Bools
-    """Rows with speed and load, and those of them at the minimum speed or above."""
-    steady: Bools
-    at_tool: Floats
+    n: Floats
+    """Speed [rev/s]."""
+    above: Floats
     no_load: Floats
-    """Power by the load, and the no-load power at the speed, NaN where it was not identified."""
-    deviation: Floats
-    """Standard deviation of their difference, but for the scale of the load."""
-    speed: Floats
-    """[rev/s]."""
+    """Power above the no-load power, and that power [W]; NaN where they are not known."""
+    half: Floats
+    """Half of the 90 % interval of their difference, but for the load's scale [W]."""
+    defined: Bools
     free: Bools
-    """Rows in which the spindle turns and nothing is fed, so that nothing can be cut."""
-
-    @property
-    def defined(self) -> Bools:
-        """Rows in which the power at the tool is defined."""
-        return self.known & self.fast & self.steady & np.isfinite(self.no_load)
+    """Rows in which the power is defined, and those of them in which nothing is fed to cut."""
 
 
 def power_rows(rows: DayRows, power: SpindlePower, steady: Bools, mode: Any) -> PowerRows:
     """Power of the spindle in the rows of a day."""
     load = np.abs(rows.number("spindle_load"))
-    n = np.abs(rows.number("spindle_speed")) / MINUTE
-    known = np.isfinite(load) & np.isfinite(n)
+    n, scale = np.abs(rows.number("spindle_speed")) / MINUTE, power.records.scale
     no_load, own = power.no_load(n)
-    step = power.scale.power(resolution(load[known]), n)
+    step = scale.power(resolution(load[np.isfinite(load)]), n) / np.sqrt(12)
+    above = scale.power(load, n) - no_load
     feed = rows.number("path_feedrate")
-    still = mode == MODES.index("air") if np.isnan(feed).all() else feed == 0
-    return PowerRows(
-        known=known, fast=n >= power.scale.drive.minimum_speed, steady=steady, no_load=no_load,
-        at_tool=power.scale.power(load, n), deviation=np.hypot(step / np.sqrt(12), own), speed=n,
-        free=still & (mode != MODES.index("cut")),
-    )  # fmt: skip
+    still = mode == AIR if np.isnan(feed).all() else feed == 0
+    defined = steady & (n >= scale.drive.minimum_speed) & np.isfinite(above)
+    half = NORMAL_90 * np.hypot(step, own) + power.drift * no_load
+    return PowerRows(n=n, above=above, no_load=no_load, half=half, defined=defined,
+                     free=defined & still & (mode != CUT))  # fmt: skip
 
 
-def with_drift(
-    power: SpindlePower, days: Iterable[DayRows], segments: pa.Table, cleaning: CleanSettings
-) -> SpindlePower:
+def with_drift(power: SpindlePower, days: Iterable[DayRows]) -> SpindlePower:
     """The power with the drift of its no-load power over training ``days``, two at least."""
     found = []
     for rows in days:
-        steady = settled(rows.seconds, rows.number("spindle_speed"), settle_s=power.settle_s)
-        one = power_rows(rows, power, steady, modes(rows, segments, cleaning))
-        chosen = one.defined & one.free
-        error = np.abs(one.at_tool - one.no_load) - NORMAL_90 * one.deviation
-        share = np.maximum(error[chosen], 0.0) / one.no_load[chosen]
-        found.append(Residuals(
-            error=share, regime=np.full(len(share), ""), group=np.full(len(share), rows.day),
-            t=rows.seconds[chosen],
-        ))  # fmt: skip
+        steady = settled(
+            rows.seconds, rows.number("spindle_speed"), settle_s=power.records.settle_s
+        )
+        one = power_rows(rows, power, steady, rows.modes())
+        over = np.maximum(np.abs(one.above) - one.half, 0.0)[one.free] / one.no_load[one.free]
+        words = np.full(len(over), ""), np.full(len(over), rows.day)
+        found.append(Residuals(error=over, regime=words[0], group=words[1],
+                               t=rows.seconds[one.free]))  # fmt: skip
     if sum(len(one.error) > 0 for one in found) < 2:
         return power
     return replace(power, drift=bands(Residuals.joined(found))[ALL_REGIMES].upper)
 
 
-def spindle_powers(
-    rows: DayRows, given: Estimators, steady: Bools, mode: Any
-) -> tuple[Values, Reasons]:
+def spindle_powers(rows: DayRows, given: Estimators, steady: Bools, mode: Any) -> Estimates:
     """No-load power, cutting power and tangential force where they are defined.
 
-    Air whose power is above the no-load power for sure becomes a cut in ``mode``: the log's own
+    Air whose power is surely above the no-load power becomes a cut in ``mode``: the log's own
     level, a low quantile of the loads at a speed, hides it where a speed is only cut at.
     """
-    names = ("no_load_power", "cutting_power", "tangential_force")
-    power = given.power
+    power, names = given.power, ("no_load_power", "cutting_power", "tangential_force")
     if power is None:
-        why = "no model with the spindle's no-load power serves"
-        return {}, {name: [(why, True)] for name in names}
+        return {}, {name: [("no model with a no-load power serves", True)] for name in names}
     one = power_rows(rows, power, steady, mode)
-    above, cutting = one.at_tool - one.no_load, MODES.index("cut")
-    half_free = NORMAL_90 * one.deviation + power.drift * one.no_load
-    half = np.hypot(half_free, NORMAL_90 / NORMAL_95 * power.scale_error * above)
-    margin = power.scale.power(given.cleaning.load_margin, one.speed)
-    fed = one.defined & ~one.free & (mode == MODES.index("air"))
-    mode[fed & (above - half > margin)] = cutting
-    cut, free = one.defined & (mode == cutting), one.defined & one.free
+    half = np.hypot(one.half, NORMAL_90 / NORMAL * power.records.scale_error * one.above)
+    margin = power.records.scale.power(rows.cleaning.load_margin, one.n)
+    mode[one.defined & ~one.free & (mode == AIR) & (one.above - half > margin)] = CUT
+    cut = one.defined & (mode == CUT)
     words, place = rows.words("tool_number")
     diameter = np.array([given.diameters.get(tool_of(word), np.nan) for word in words] + [np.nan])
-    speed = np.pi * diameter[place] * one.speed
-    with np.errstate(divide="ignore", invalid="ignore"):
-        force, width = np.where(cut, above / speed, np.nan), half / speed
+    speed = np.where(one.n > 0, np.pi * diameter[place] * one.n, np.nan)
+    free, above = (np.where(w, v, np.nan) for w, v in ((one.free, one.no_load), (cut, one.above)))
     values = {
-        "no_load_power_measured": np.where(free, one.at_tool, np.nan),
-        **_interval("no_load_power", np.where(free, one.no_load, np.nan), half_free),
-        "no_load_power_residual": np.where(free, above, np.nan),
-        **_interval("cutting_power", np.where(cut, above, np.nan), half),
-        **_interval("tangential_force", force, width),
-    }
+        "no_load_power_measured": free + one.above, **_ends("no_load_power", free, one.half),
+        "no_load_power_residual": np.where(one.free, one.above, np.nan),
+        **_ends("cutting_power", above, half),
+        **_ends("tangential_force", above / speed, half / speed),
+    }  # fmt: skip
     common = [
-        ("speed or load not known", ~one.known), ("spindle stands", ~(one.speed > 0)),
-        ("spindle below its minimum speed", ~one.fast), ("spindle's speed changes", ~steady),
+        ("spindle stands", one.n == 0), ("speed or load not known", ~(one.n > 0)),
+        ("spindle below its minimum speed", one.n < power.records.drive.minimum_speed),
+        ("spindle's speed changes", ~steady),
         ("speed beyond those of the no-load power", np.isnan(one.no_load)),
+        ("speed or load not known", ~one.defined),
     ]  # fmt: skip
-    no_cut = ("no cut", mode != cutting)
     return values, {
         "no_load_power": [*common, ("fed, so that it may cut", True)],
-        "cutting_power": [no_cut, *common],
-        "tangential_force": [no_cut, *common, ("tool not in the tool table", True)],
-    }  # fmt: skip
+        "cutting_power": [("no cut", mode != CUT), *common],
+        "tangential_force": [("no cut", mode != CUT), *common, ("tool not in a tool table", True)],
+    }
 
 
 def tool_of(word: str) -> int:
-    """Number of a tool by the word of a log, ``"T04"`` or ``"4"``; -1 where it has none.
+    """Number of a tool by the word of a log; -1 where it has none.
 
     >>> tool_of("T04"), tool_of("12.0"), tool_of("probe")
     (4, 12, -1)
@@ -381,63 +291,34 @@ def tool_of(word: str) -> int:
     return int(found.group()) if found else -1
 
 
-def following_errors(rows: DayRows, given: Estimators) -> tuple[Values, Reasons]:
+def following_errors(rows: DayRows, serving: ServingModel | None) -> Estimates:
     """Following error of each axis that is logged as commanded and as it is."""
-    values: Values = {}
+    values: dict[str, Any] = {}
     reasons: Reasons = {}
-    serving = given.serving.get("drive")
     for axis in AXES:
-        name = f"{axis}_following_error"
-        command = rows.number(f"{axis}_commanded_position")
+        name, command = f"{axis}_following_error", rows.number(f"{axis}_commanded_position")
         error = command - rows.number(f"{axis}_position")
+        reasons[name] = [("commanded and actual position not logged", np.isnan(error))]
         known = {} if serving is None else serving.model.parameters.get(axis.upper(), {})
         gain, forward = known.get("loop_gain"), known.get("velocity_feedforward")
-        reasons[name] = [("commanded and actual position not logged", bool(np.isnan(error).all()))]
-        if not np.isfinite(error).any():
-            continue
         values[f"{name}_measured"] = error
-        if gain is None or gain.value is None:
-            reasons[name].append(("no model of the axis with its loop gain serves", True))
+        if gain is None or gain.value is None or gain.interval_95 is None:
+            reasons[name].append(("no model with the axis' loop gain serves", True))
             continue
-        share = 1.0 - (forward.value or 0.0 if forward is not None else 0.0)
-        v, even = _velocity(rows.seconds, command, rows.period_s)
-        estimated = np.where(even, v * share / gain.value, np.nan)
-        low, high = gain.interval_95 or (gain.value, gain.value)
-        spread = (high - low) / (2 * NORMAL_95) / gain.value
-        ends = (forward.interval_95 if forward is not None else None) or (0.0, 0.0)
-        other = (ends[1] - ends[0]) / (2 * NORMAL_95)
-        half = NORMAL_90 * np.abs(v) / gain.value * np.hypot(share * spread, other)
-        values |= _interval(name, estimated, half)
-        values[f"{name}_residual"] = error - estimated
+        before = np.diff(command, prepend=np.nan) / np.diff(rows.seconds, prepend=np.nan)
+        after = np.append(before[1:], np.nan)
+        even = (np.abs(before - after) <= STEADY * np.abs(before)) & (before != 0)
+        lag = np.where(even, before, np.nan) / gain.value
+        share, ends = 1.0, (0.0, 0.0)
+        if forward is not None and forward.value is not None:
+            share, ends = 1.0 - forward.value, forward.interval_95 or ends
+        spread = np.hypot(share * np.ptp(gain.interval_95) / gain.value, np.ptp(ends))
+        half = NORMAL_90 / NORMAL / 2 * spread * np.abs(lag)
+        values |= {**_ends(name, share * lag, half), f"{name}_residual": error - share * lag}
         reasons[name].append(("axis stands or its feed changes", True))
     return values, reasons
 
 
-def _velocity(seconds: Floats, command: Floats, period_s: float) -> tuple[Floats, Bools]:
-    """Commanded velocity (T,) in the unit of the command by 1 s, and whether it is constant."""
-    v = np.full(len(command), np.nan)
-    step = np.diff(seconds)
-    v[1:] = np.where(step < 1.5 * period_s, np.diff(command) / np.maximum(step, 1e-9), np.nan)
-    after = np.append(v[1:], np.nan)
-    even = (np.abs(v - after) <= STEADY * np.abs(v)) & (np.abs(v) > 0)
-    return v, even
-
-
-def _interval(name: str, estimated: Floats, half: Floats) -> Values:
-    ends = (estimated, estimated - half, estimated + half)
-    return {f"{name}_{part}": one for part, one in zip(UNMEASURED, ends, strict=True)}
-
-
-def _coverage(
-    estimated: Floats | None, rows: DayRows, reasons: Sequence[tuple[str, Any]]
-) -> Coverage:
-    """Time over which a quantity is estimated, and elsewhere the first reason that holds."""
-    left = np.ones(len(rows.seconds), bool) if estimated is None else ~np.isfinite(estimated)
-    known = len(left) - int(left.sum())
-    unknown = {}
-    for why, where in reasons:
-        here = left & where
-        if count := int(here.sum()):
-            unknown[why] = round(count * rows.period_s, 3)
-        left = left & ~here
-    return Coverage(known_s=round(known * rows.period_s, 3), unknown_s=unknown)
+def _ends(name: str, estimated: Floats, half: Floats) -> dict[str, Floats]:
+    return {f"{name}_estimated": estimated, f"{name}_low": estimated - half,
+            f"{name}_high": estimated + half}  # fmt: skip

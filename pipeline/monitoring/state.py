@@ -1,75 +1,115 @@
 """State of the twin over a machine's days and recordings, written as one folder."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.monitoring.budget import MonitoringSettings
 from pipeline.monitoring.day_estimates import (
+    DayRows,
     Estimators,
-    day_rows,
     day_state,
-    interval_lacks,
+    intervals_unknown,
     spindle_power,
     with_drift,
 )
 from pipeline.monitoring.nightly import serving_models
-from pipeline.monitoring.recorded_state import TwinStateSettings, force_check, recorded_trends
-from pipeline.schema.days import zone_of
+from pipeline.monitoring.recorded_state import force_check, recorded_trends
+from pipeline.schema.days import day_start, zone_of
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
-from pipeline.schema.twin_state import DAYS, StateDay, TwinState, day_path, write_day, write_state
+from pipeline.schema.si import NS
+from pipeline.schema.store import write_json
+from pipeline.schema.twin_state import (
+    AXES,
+    CONTEXT,
+    DAYS,
+    MANIFEST,
+    QUANTITIES,
+    StateDay,
+    TwinState,
+    day_path,
+    write_day,
+)
 from pipeline.signals.cleaning.settings import CleanSettings
 from pipeline.signals.windows import state_days
 from pipeline.submodels.cases import Records, Roles, files_of_day, role_of
 
 
+@dataclass(frozen=True, kw_only=True)
+class TwinStateSettings:
+    """What the state of the twin needs to know of a machine."""
+
+    tool_tables: tuple[str, ...] = ()
+    """Tables of ``conf/tool/`` with the tools that the machine's log names; of two tables with the
+    same number the later one counts."""
+
+
 def write_twin_state(
     champion: Path, records: Records, out: Path, *, identity: MachineIdentity, roles: Roles,
-    cleaning: CleanSettings, settings: TwinStateSettings, tools: Mapping[int, float],
-    sets: GoldenSets | None, values: dict[str, Any],
-) -> TwinState:  # fmt: skip
+    cleaning: CleanSettings, tools: Mapping[int, float], sets: GoldenSets | None,
+    values: dict[str, Any],
+) -> None:  # fmt: skip
     """Write the state of all days and recordings of a machine into ``out``.
 
     ``tools``: diameters by tool number [m]; ``values`` are the parameters, as
-    :func:`pipeline.parameters.read_params` gives them.  A sealed day is measured, not estimated.
+    :func:`pipeline.parameters.read_params` gives them.  On a sealed day no temperature is
+    estimated.
     """
     clean, files = records.clean or Path(), records.files
     serving = serving_models(champion, values, MonitoringSettings())
     spindle = serving.get("spindle")
     cases = () if spindle is None else spindle.one.cases(records, spindle.judging, sets).cases
-    zone, days = zone_of(clean), {}
-    every = {day: role_of(files_of_day(files, day, zone), roles, sets, day)
-             for day in state_days(clean)}  # fmt: skip
-    segments = pq.read_table(clean / "segments.parquet")
-    power = spindle_power(serving.get("cutting"))
-    if power is not None:
-        training = (day_rows(clean, day, zone, cleaning.period_s)
-                    for day, role in every.items() if role == "training")  # fmt: skip
-        power = with_drift(power, training, segments, cleaning)
+    zone, segments = zone_of(clean), pq.read_table(clean / "segments.parquet")
+    role_by_day = {day: role_of(files_of_day(files, day, zone), roles, sets, day)
+                   for day in state_days(clean)}  # fmt: skip
+
+    def rows_of(day: str) -> DayRows:
+        path = clean / "state" / f"{day}.parquet"
+        positions = {f"{a}_{kind}position" for a in AXES for kind in ("", "commanded_")}
+        wanted = {"time", "spindle_temperature", *CONTEXT, *positions}
+        table = pq.read_table(path, columns=[n for n in pq.read_schema(path).names if n in wanted])
+        since = table["time"].cast(pa.int64()).to_numpy() - day_start(day, zone)
+        return DayRows(day=day, table=table, seconds=since / NS, segments=segments,
+                       cleaning=cleaning)  # fmt: skip
+
+    if (power := spindle_power(serving.get("cutting"))) is not None:
+        training = [day for day, role in role_by_day.items() if role == "training"]
+        power = with_drift(power, map(rows_of, training))
     given = Estimators(
-        serving=serving, cases={one.name: one for one in cases}, diameters=tools, power=power,
-        cleaning=cleaning,
+        serving=serving, power=power, diameters=tools,
+        cases={one.name: one for one in cases if one.role != "sealed"},
     )  # fmt: skip
-    for day, role in every.items():
-        rows = day_rows(clean, day, zone, cleaning.period_s)
-        found, coverage = day_state(rows, segments, given, sealed=role == "sealed")
+    days = {}
+    for day, role in role_by_day.items():
+        rows = rows_of(day)
+        found, reasons = day_state(rows, given)
         write_day(rows.table["time"].combine_chunks(), found, day_path(out, day))
-        seconds = round(len(rows.seconds) * rows.period_s, 3)
-        days[day] = StateDay(role=role, seconds=seconds, quantities=coverage)
+        known_s, unknown_s = dict[str, float](), dict[str, dict[str, float]]()
+        for name in QUANTITIES:
+            left = ~np.isfinite(found.get(f"{name}_estimated", np.full(len(rows.seconds), np.nan)))
+            known_s[name], unknown_s[name] = float((~left).sum() * cleaning.period_s), {}
+            for why, where in reasons[name]:
+                if n := int((left & where).sum()):
+                    unknown_s[name][why] = unknown_s[name].get(why, 0.0) + n * cleaning.period_s
+                left = left & ~np.asarray(where)
+        days[day] = StateDay(role=role, seconds=len(rows.seconds) * cleaning.period_s,
+                             known_s=known_s, unknown_s=unknown_s)  # fmt: skip
     for path in (out / DAYS).glob("*.parquet"):
         if path.stem not in days:
             path.unlink()
     state = TwinState(
         machine=identity.name, origin=identity.origin, period_s=cleaning.period_s, days=days,
         bundle=next((one.bundle for one in serving.values()), ""),
-        no_load_drift=None if power is None else round(power.drift, 4),
-        intervals_unknown=interval_lacks(spindle),
         submodels={name: one.verdict.status for name, one in serving.items()},
-        trends=recorded_trends(serving.get("wear"), records, sets, settings, out),
-        force=force_check(serving.get("cutting"), records, sets, settings),
+        no_load_drift=None if power is None else round(power.drift, 4),
+        intervals_unknown=intervals_unknown(spindle),
+        trends=recorded_trends(serving.get("wear"), records, sets, out),
+        force=force_check(serving.get("cutting"), records, sets),
     )  # fmt: skip
-    write_state(state, out)
-    return state
+    write_json(state, out / MANIFEST)

@@ -4,8 +4,7 @@ from pathlib import Path
 
 from pipeline.cutting.tool import ToolTable
 from pipeline.fleet import Fleet
-from pipeline.monitoring.recorded_state import TwinStateSettings
-from pipeline.monitoring.state import write_twin_state
+from pipeline.monitoring.state import TwinStateSettings, write_twin_state
 from pipeline.parameters import read_params
 from pipeline.schema.golden import read_golden
 from pipeline.schema.identity import MachineIdentity
@@ -38,6 +37,6 @@ def state(
     tables = [named(tool, one, "tool").tools for one in twin_state.tool_tables]
     write_twin_state(
         champion, records, written, identity=identity, roles=roles, cleaning=cleaning,
-        settings=twin_state, sets=read_golden(golden / f"{name}.json"), values=read_params(),
+        sets=read_golden(golden / f"{name}.json"), values=read_params(),
         tools={number: one.diameter for table in tables for number, one in table.items()},
     )  # fmt: skip
