@@ -74,7 +74,9 @@ def write_twin_state(
         positions = {f"{a}_{kind}position" for a in AXES for kind in ("", "commanded_")}
         wanted = {"time", "spindle_temperature", *CONTEXT, *positions}
         table = pq.read_table(path, columns=[n for n in pq.read_schema(path).names if n in wanted])
-        since = table["time"].cast(pa.int64()).to_numpy() - day_start(day, zone)
+        time = table["time"].cast(pa.timestamp("ns", tz=zone))
+        table = table.set_column(table.column_names.index("time"), "time", time)
+        since = time.cast(pa.int64()).to_numpy() - day_start(day, zone)
         return DayRows(day=day, table=table, seconds=since / NS, segments=segments,
                        cleaning=cleaning)  # fmt: skip
 
