@@ -115,6 +115,14 @@ def test_what_the_no_load_power_drifts_by_on_training_days_widens_its_interval()
     assert with_drift(POWER, [day(1.0, "a")]) is POWER, "one day says nothing of another"
 
 
+def test_ten_rows_a_second_are_a_period_that_divides_a_day() -> None:
+    rows, force = milling(0, 2000)
+    values, _ = day_state(day_rows(rows, "cut", 0.1), estimators())
+    known = np.isfinite(values["tangential_force_estimated"])
+    assert known.mean() > 0.6, "all but a second and a half after a change of speed"
+    assert np.abs(values["tangential_force_estimated"] / force - 1)[known].max() < 0.5
+
+
 def test_a_tool_change_is_where_the_spindle_stands_about_the_new_number() -> None:
     rpm = np.array([5000.0] * 100 + [0.0] * 200 + [6000.0] * 100)
     rows = {"execution": np.full(400, "ACTIVE"), "spindle_speed": rpm,

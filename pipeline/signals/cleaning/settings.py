@@ -147,5 +147,5 @@ class CleanSettings(Ranged, section="cleaning"):
                 f"lookahead_s = {self.lookahead_s} s is shorter than off_after_s = "
                 f"{self.off_after_s} s; a day must see whether the machine goes on after midnight"
             )
-        if DAY % self.period_s:
+        if not (DAY / self.period_s).is_integer():
             raise ValueError(f"period_s = {self.period_s} s does not divide a day of 86400 s")
