@@ -1,7 +1,6 @@
 """State of the twin over a machine's days and recordings, written as one folder."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -39,15 +38,6 @@ from pipeline.schema.twin_state import (
 from pipeline.signals.cleaning.settings import CleanSettings
 from pipeline.signals.windows import state_days
 from pipeline.submodels.cases import Records, Roles, files_of_day, role_of
-
-
-@dataclass(frozen=True, kw_only=True)
-class TwinStateSettings:
-    """What the state of the twin needs to know of a machine."""
-
-    tool_tables: tuple[str, ...] = ()
-    """Tables of ``conf/tool/`` with the tools that the machine's log names; of two tables with the
-    same number the later one counts."""
 
 
 def write_twin_state(

@@ -4,11 +4,11 @@ from pathlib import Path
 
 from pipeline.cutting.tool import ToolTable
 from pipeline.fleet import Fleet
-from pipeline.monitoring.state import TwinStateSettings, write_twin_state
+from pipeline.monitoring.state import write_twin_state
 from pipeline.parameters import read_params
 from pipeline.schema.golden import read_golden
 from pipeline.schema.identity import MachineIdentity
-from pipeline.signals.cleaning.settings import CleanSettings
+from pipeline.signals.cleaning.settings import CleanMachine, CleanSettings
 from pipeline.stages.optimise import named
 from pipeline.submodels.cases import Records, Roles
 
@@ -25,7 +25,7 @@ def state(
     identity: MachineIdentity,
     roles: Roles,
     cleaning: CleanSettings,
-    twin_state: TwinStateSettings,
+    mapping: CleanMachine,
     tool: dict[str, ToolTable],
 ) -> None:
     """Write the state of all days and recordings, and the manifest that says what is not known."""
@@ -34,7 +34,7 @@ def state(
     records = Records.of_machine(
         champion.parents[1], name, champion, None if under is None else Path(under)
     )
-    tables = [named(tool, one, "tool").tools for one in twin_state.tool_tables]
+    tables = [named(tool, one, "tool").tools for one in mapping.tool_tables]
     write_twin_state(
         champion, records, written, identity=identity, roles=roles, cleaning=cleaning,
         sets=read_golden(golden / f"{name}.json"), values=read_params(),

@@ -212,7 +212,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pd.DataFrame({name: [] for name in kinds}).astype(kinds).to_parquet(clean / "segments.parquet")
     (root / "data/raw" / machine).mkdir(parents=True)
     with (root / "params.yaml").open("a") as file:
-        file.write("cleaning: {}\ntwin_state: {}\ntool: {}\n")
+        file.write("cleaning: {}\nmapping: {}\ntool: {}\n")
     gone = root / f"data/twin_state/{machine}" / DAYS / "2020-01-01.parquet"
     gone.parent.mkdir(parents=True)
     gone.write_bytes(b"of a day that is gone")
