@@ -4,7 +4,9 @@ import gc
 import os
 import pickle
 import shutil
+import sys
 from collections.abc import Iterator
+from contextlib import ExitStack
 from hashlib import sha256
 from pathlib import Path
 from types import CodeType
@@ -16,6 +18,7 @@ import yaml
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
 from jinja2 import Environment
+from typer import Typer, testing
 
 from pipeline.stages import compose
 from tests.browser import CHROMIUM, DRIVER, FLAGS
@@ -34,8 +37,9 @@ providers._get_local_constants = providers.Constants
 
 # DVC starts two processes after each command, one that counts its users and one that seeks updates.
 os.environ["DVC_TEST"] = "true"
-LONG_TEXT = 5000
-"""Characters of a text that takes longer to parse than to copy."""
+gc.set_threshold(50_000)  # as the command has it: 5 % of the time was the collector's
+SHORT_TEXT, LONG_TEXT = 100, 5000
+"""Characters from which what a text says is kept, and from which it is parsed by libyaml."""
 
 
 def pytest_collection_finish() -> None:
@@ -58,23 +62,36 @@ def compositions(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         return (made / "text").read_text()
 
     original = compose.composed
-    with mock.patch.object(compose, "composed", composed):
+    places = [one for one in list(sys.modules.values())
+              if getattr(one, "__dict__", {}).get("composed") is original]  # fmt: skip
+    with ExitStack() as stack:
+        for place in places:  # tests import it by its name
+            stack.enter_context(mock.patch.object(place, "composed", composed))
         yield
 
 
 @pytest.fixture(scope="session", autouse=True)
 def parsed_texts() -> Iterator[None]:
-    """The same long text of YAML is parsed once in a session; params.yaml takes 0.1 s."""
+    """The same text of YAML is parsed once in a session: each composition loads all of conf/."""
     known: dict[object, bytes] = {}
 
     def load(stream: Any, Loader: Any) -> Any:
         text = stream.read() if hasattr(stream, "read") else stream
-        if len(text) < LONG_TEXT:
-            return original(text, Loader)
-        if (text, Loader) not in known:
-            fast = yaml.CSafeLoader if Loader is yaml.SafeLoader else Loader  # of the same values
-            known[text, Loader] = pickle.dumps(original(text, fast))
-        return pickle.loads(known[text, Loader])
+        key = (
+            text,
+            Loader.__module__,
+            Loader.__qualname__,
+        )  # OmegaConf makes its class anew each time
+        if key not in known:
+            is_long = len(text) >= LONG_TEXT
+            fast = yaml.CSafeLoader if is_long and Loader is yaml.SafeLoader else Loader
+            if hasattr(stream, "seek"):  # an error names the file
+                stream.seek(0)
+            values = original(stream if hasattr(stream, "seek") else text, fast)
+            if len(text) < SHORT_TEXT:
+                return values
+            known[key] = pickle.dumps(values)
+        return pickle.loads(known[key])
 
     original = yaml.load
     with mock.patch.object(yaml, "load", load):
@@ -112,6 +129,22 @@ def compiled_templates() -> Iterator[None]:
 
     original = Environment.compile
     with mock.patch.object(Environment, "compile", compiled):
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def built_commands() -> Iterator[None]:
+    """A command line is built of its functions once in a session; that of ``kerf`` takes 20 ms."""
+    known: dict[object, Any] = {}
+
+    def built(app: Typer) -> Any:
+        key = app, len(app.registered_commands), len(app.registered_groups)
+        if key not in known:
+            known[key] = original(app)
+        return known[key]
+
+    original = testing._get_command
+    with mock.patch.object(testing, "_get_command", built):
         yield
 
 

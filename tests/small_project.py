@@ -6,7 +6,6 @@ import shlex
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from copy import deepcopy
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -43,13 +42,15 @@ def new_project(folder: Path) -> Path:
     with_conf(folder)
     for path in PATHS:
         (folder / path).mkdir(parents=True)
-    store(folder, deepcopy(_params_of_one_week()))
+    for name, content in _settings_of_one_week().items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
     return folder
 
 
 @cache
-def _params_of_one_week() -> dict[str, Any]:
-    """Parameters of the project, composed once: that takes longer than most of its tests."""
+def _settings_of_one_week() -> dict[str, bytes]:
+    """Files of the project's parameters, composed once: that takes longer than most tests."""
     with TemporaryDirectory() as name:
         folder = with_conf(Path(name))
         leave(folder, "active", MACHINE)
@@ -64,12 +65,13 @@ def _params_of_one_week() -> dict[str, Any]:
         change(folder, "spindle_fit", nodes=[1], time_constants_s=[1500.0])
         change(folder, "residual_forest", trees=5, every_s=3600.0)
         change(folder, "spindle_interval", folds=2)
-        return params(folder)
+        files = [folder / "params.yaml", *(folder / SETTINGS).rglob("*.json")]
+        return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
 def with_conf(folder: Path, fleet: str = "simulated") -> Path:
     """A copy of conf/ with ``fleet`` as the active one, whichever is active here."""
-    shutil.copytree(ROOT / "conf", folder / "conf", symlinks=True)
+    shutil.copytree(ROOT / "conf", folder / "conf", symlinks=True, copy_function=shutil.copyfile)
     fleets = folder / "conf/fleet"
     (fleets / "active.yaml").write_text((fleets / f"{fleet}.yaml").read_text())
     return folder

@@ -6,7 +6,7 @@ file itself (WAV, TDMS).
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.app.fleet import machine_parameters
+from pipeline.app.machine_signals import IN_BRACKETS
 from pipeline.app.output import rounded
 from pipeline.app.tables import section
 from pipeline.cutting.economics.spindle_power import SpindleDrive
@@ -26,8 +27,8 @@ from pipeline.signals.ingest import OBSERVING, reader_of
 from pipeline.signals.units import conversion
 from pipeline.signals.windows import uniform_segments
 
-TIME = re.compile(r"(?:t|time|zeit|timestamp)\b", re.IGNORECASE)
-"""Names of a column of time."""
+TIME = re.compile(r"(?:raw_)?(?:t|time|zeit|timestamp)(?![A-Za-z0-9])", re.IGNORECASE)
+"""Names of a column of time; readers write ``raw_`` before one that is a name of their own."""
 UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 """Units of a column of time in a name's brackets, over the second."""
 
@@ -59,22 +60,34 @@ def chatter_of(
         rpm = np.abs(numbers[speed])
     if isinstance(rpm, float) and not 0 < rpm < np.inf:
         raise ValueError(f"--speed {speed} must be above 0 rev/min")
-    used = list(channels) or [name for name in numbers if name not in (clock, speed)]
+    used = list(channels) or [n for n in numbers if not TIME.match(n) and n != speed]
     if not used:
         raise ValueError(f"{file} has no column of vibration, force or sound: name one, --channel")
     values = np.stack([numbers[name] for name in used])
-    rows = np.flatnonzero(np.isfinite(values).all(axis=0) & np.isfinite(time))
+    turns = np.isfinite(rpm) & np.greater(rpm, 0)
+    if not turns.any():
+        raise ValueError(f"--speed {speed} has no value above 0 rev/min in {file}: name another")
+    rows = np.flatnonzero(np.isfinite(values).all(axis=0) & np.isfinite(time) & turns)
     try:
         longest = max(uniform_segments(time[rows]), key=lambda one: one.samples)
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from error
     even = np.stack([longest.on_grid(one[rows]) for one in values])
     n = rpm / MINUTE if isinstance(rpm, float) else longest.on_grid(rpm[rows]) / MINUTE
-    units = [table.schema.field(name).metadata[b"unit"].decode() for name in used]
-    return recorded_chatter(
+    judged = recorded_chatter(
         even, 1 / longest.period, n, teeth, speeds_rpm=_speeds(machine),
-        derivatives=[_derivative(unit) for unit in units],
+        derivatives=[_derivative(_unit(table.schema.field(name))) for name in used],
     )  # fmt: skip
+    if judged.begins_s is None:
+        return judged
+    return replace(judged, begins_s=judged.begins_s + longest.start - float(np.nanmin(time)))
+
+
+def _unit(column: pa.Field) -> str:
+    """Unit that the file states for a column, else the one in brackets in its name, or ""."""
+    stated = column.metadata[b"unit"].decode()
+    named = IN_BRACKETS.search(column.name)
+    return stated or (named[1] if named else "")
 
 
 def _derivative(unit: str) -> int:
@@ -147,8 +160,11 @@ def _time(
 
 
 def document(found: RecordedChatter) -> dict[str, Any]:
-    """The verdict for JSON, without the spectrum."""
-    return {k: v for k, v in asdict(found).items() if k not in ("frequency", "spectrum")}
+    """The verdict for JSON, without the spectrum; None for a number that is not finite."""
+    return {
+        k: None if isinstance(v, float) and not np.isfinite(v) else v
+        for k, v in asdict(found).items() if k not in ("frequency", "spectrum")
+    }  # fmt: skip
 
 
 def said(found: RecordedChatter) -> Iterator[str]:
@@ -163,7 +179,8 @@ def said(found: RecordedChatter) -> Iterator[str]:
         return
     yield (
         f"{found.kind}: chatter frequency {found.frequency_Hz:.1f} Hz +- "
-        f"{found.frequency_error_Hz or 0:.1f} (95 %), from {found.begins_s or 0:.2f} s on"
+        f"{found.frequency_error_Hz or 0:.1f} (95 %)"
+        + ("" if found.begins_s is None else f", from {found.begins_s:.2f} s on")
     )
     if found.stable_speeds_rpm:
         words = ", ".join(f"{one:.0f}" for one in found.stable_speeds_rpm)

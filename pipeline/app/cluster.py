@@ -7,7 +7,7 @@ a stage in a folder of its own and returns the files.
 
 import os
 import sys
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,6 +16,7 @@ from typing import Any
 from pipeline.parallel import WORKER, mapped
 from pipeline.schema.files import replacing
 from pipeline.stages.__main__ import load_stage, run
+from pipeline.submodels.contract import submodels
 
 VERB = "identify_"
 """Beginning of the names of the stages that are run at once."""
@@ -38,6 +39,8 @@ def work_for(scheduler: str, workers: int) -> None:
         raise ValueError("a worker needs Dask: install kerf-twin[cluster]")
     words = [sys.executable, "-m", "distributed.cli.dask_worker", scheduler, "--nthreads", "1",
              "--nworkers", str(workers), "--no-dashboard"]  # fmt: skip
+    for name in submodels():  # its first task need not wait seconds for them
+        words += ["--preload", f"pipeline.submodels.{name}.submodel"]
     sys.stderr.flush()
     os.execve(sys.executable, words, os.environ | WORKER)
 
@@ -61,16 +64,17 @@ def identify_fleet(
                      if _is_wanted(one.addressing, machines, submodels)]  # fmt: skip
             if not names:
                 raise ValueError("dvc.yaml has no such identification: name others")
-            while wave := _next_wave(repo, names, errors):
+            while wave := _next_wave(stale := _stale(repo, names), names, errors):
                 tasks = [(one.addressing, *one.cmd.split()[4:]) for one in wave]
-                for stage, found in zip(wave, mapped(identified, tasks), strict=True):
-                    if found.error:
-                        errors[found.stage] = found.error
-                        continue
+                done = list(zip(wave, mapped(identified, tasks), strict=True))
+                errors |= {found.stage: found.error for _, found in done if found.error}
+                taken = [(stage, found) for stage, found in done if not found.error]
+                for stage, found in taken:
                     _take(stage, found)
-                    repo.commit(found.stage, force=True)
+                _commit(repo, [stage for stage, _ in taken])
+                for _, found in taken:
                     say(f"{found.stage}: {len(found.files)} files")
-            for name in set(repo.status(targets=names)) - set(errors):
+            for name in set(names) & set(stale) - set(errors):
                 errors[name] = f"{name} reads a model that is out of date: identify that one first"
     except DvcException as error:
         raise ValueError(f"DVC: {error}") from error
@@ -86,9 +90,41 @@ def _is_wanted(stage: str, machines: Collection[str], submodels: Collection[str]
     )
 
 
-def _next_wave(repo: Any, names: list[str], failed: Collection[str]) -> list[Any]:
+def _stale(repo: Any, names: Collection[str]) -> dict[str, Any]:
+    """Stages out of date, of those named and all that they start from, in one pass over the graph.
+
+    ``repo.status`` and ``repo.commit`` read dvc.yaml and dvc.lock anew for each stage.
+    """
+    from dvc.repo import lock_repo
+
+    with lock_repo(repo):
+        wanted = set[Any]()
+        more = [one for one in repo.index.stages if one.addressing in names]
+        while more:
+            if (one := more.pop()) not in wanted:
+                wanted.add(one)
+                more.extend(repo.index.graph.successors(one))
+        return {one.addressing: one for one in repo.index.stages
+                if one in wanted and one.status(check_updates=True)}  # fmt: skip
+
+
+def _commit(repo: Any, stages: list[Any]) -> None:
+    """Make DVC take what lies where some stages write as theirs, all in one write of its lock."""
+    from dvc.repo import lock_repo
+
+    if not stages:
+        return
+    with lock_repo(repo):
+        for one in stages:
+            one.save()
+            one.commit()
+        stages[0].dvcfile.dump_stages(stages, update_pipeline=False)
+
+
+def _next_wave(
+    stale: Mapping[str, Any], names: Collection[str], failed: Collection[str]
+) -> list[Any]:
     """Stages out of date that read nothing of another one that is."""
-    stale = repo.status(targets=names, with_deps=True)
     # a judgement writes beside the model that another identification reads, and changes no model
     before = sorted(one for one in stale if not one.startswith((VERB, "judge_")))
     if before:
@@ -96,11 +132,10 @@ def _next_wave(repo: Any, names: list[str], failed: Collection[str]) -> list[Any
             f"{before[0]} is out of date, which identification starts from: run `dvc repro clean "
             "index` first"
         )
-    open_ones = [one for one in repo.index.stages
-                 if one.addressing in stale and one.addressing.startswith(VERB)]  # fmt: skip
-    waits = {one.addressing: any(_feeds(other, one) for other in open_ones) for one in open_ones}
-    return [one for one in open_ones if one.addressing in names
-            and one.addressing not in failed and not waits[one.addressing]]  # fmt: skip
+    open_ones = [one for name, one in stale.items() if name.startswith(VERB)]
+    return [one for one in open_ones
+            if one.addressing in names and one.addressing not in failed
+            and not any(_feeds(other, one) for other in open_ones)]  # fmt: skip
 
 
 def _feeds(stage: Any, other: Any) -> bool:

@@ -57,7 +57,8 @@ _TIMES = {
 }
 """Words of the subtypes of a counter of hours: the makers' own, and those of EQUIPMENT_TIMER."""
 _NOT_ACTUAL = ("COMMANDED", "PROGRAMMED", "TARGET", "JOG", "RAPID", "x:SUB", "x:SUB_PROGRAM")
-_UNIT = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]\s*$")
+IN_BRACKETS = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]\s*$")
+"""Unit at the end of a column's name, as in ``acc [m/s^2]``."""
 _TIME = re.compile(r"^(t|time|zeit|timestamp|date|datum|clock)([^a-z]|stamp|$)", re.IGNORECASE)
 _SHORT = {"SECOND": "s", "sec": "s", "MILLISECOND": "ms", "MINUTE": "min"} | {
     unit: unit for unit in ("s", "ms", "us", "ns", "min", "h")
@@ -356,7 +357,7 @@ def table_lines(path: Path, form: str, files: str) -> list[str]:
     layout, table = _read(path, form)
     columns = {name.removeprefix("raw_"): table.column(name) for name in table.column_names[1:]}
     units = {f.name.removeprefix("raw_"): f.metadata[b"unit"].decode() for f in table.schema}
-    named = {name: bracket[1] for name in columns if (bracket := _UNIT.search(name))}
+    named = {name: bracket[1] for name in columns if (bracket := IN_BRACKETS.search(name))}
     time = next((name for name in columns if _TIME.match(name)), None)
     lines = [f"  - format: {form}", f"    files: {dumps(files, ensure_ascii=False)}", "    table:"]
     lines += ["      units_row: true"] if layout.units_row else []
@@ -415,7 +416,7 @@ def _choice(
     """Comment that makes a signal of a column, with its candidates and range."""
     unit = stated or named
     kind = _kind(name, unit)
-    signal = re.sub(r"\W+", "_", _UNIT.sub("", name)).strip("_").lower() or "channel"
+    signal = re.sub(r"\W+", "_", IN_BRACKETS.sub("", name)).strip("_").lower() or "channel"
     signal = f"channel_{signal}" if signal[0].isdigit() else signal
     within = pc.min_max(cells) if pa.types.is_floating(cells.type) else None
     span = f"{within['min']} … {within['max']} {unit or '(unit not stated)'}" if within else "words"

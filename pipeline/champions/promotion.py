@@ -105,13 +105,20 @@ def promote(
             decision=hashlib.sha256(document.encode()).hexdigest(),
         )  # fmt: skip
         known = [v for v in versions(machine, root) if v.bundle == entry.bundle]
-        log_decision(decision, known[-1], root)
+        unnoted = ""
+        try:
+            log_decision(decision, known[-1], root)
+        except ValueError as error:  # the entry counts, MLflow's note of it does not
+            unnoted = f"; only MLflow has no note of it: {error}"
         if not decision.promoted:
             raise ValueError(
                 f"version {entry.version} of {machine} may not serve: {decision.objections}; "
-                f"`kerf history -m {machine}` holds it"
+                f"`kerf history -m {machine}` holds it{unnoted}"
             )
-        return _carried_out(entry, root)
+        champion = _carried_out(entry, root)
+        if unnoted:
+            raise ValueError(f"version {entry.version} of {machine} serves{unnoted}")
+        return champion
 
 
 def rollback(

@@ -151,8 +151,8 @@ def write_note(note: Note, name: str, database: Path) -> bool:
                 write_text(text, local_place(place[0], database.parent) / path)
     except sqlite3.Error as error:
         raise ValueError(
-            f"the registry sqlite:///{database} cannot be written ({error}): make room for it and "
-            "do this again"
+            f"the registry sqlite:///{database} cannot be written ({error}): look whether its disk "
+            "is full, or another program holds it"
         ) from error
     return True
 

@@ -5,7 +5,7 @@ line, and the later one counts.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -22,7 +22,10 @@ Reason = Literal[
 ]
 """Cause that the residuals of a night speak for."""
 PERIOD_NIGHTS = 28
-"""Nights of an error budget, of which pages say how much is spent."""
+"""Nights of an error budget, of which pages say how much is spent, and of an ask of a target that
+no later night has."""
+RECORDED = 2
+"""Nights with records on which an ask for records is closed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,26 +76,37 @@ class Night:
 def read_ledger(path: Path) -> tuple[Night, ...]:
     """Nights in the order in which they were scored; none where there is no file."""
     remedy = f"restore it with `dvc checkout {path}`, or delete it and run `dvc repro`"
-    return tuple(night for night, _ in read_lines(path, Night, remedy))
+    return tuple(
+        replace(night, since=night.since or (night.night if night.ask else ""))
+        for night, _ in read_lines(path, Night, remedy)
+    )
 
 
 def write_ledger(nights: Iterable[Night], path: Path) -> None:
     """Store a ledger, all at once: a write that breaks off leaves the file as it was.
 
-    Raises StoreError where the stored lines are not the first of the new ones.
+    Lines that are stored stay as they are.  Raises StoreError where their nights are not the first
+    of the new ones.
     """
-    text = "".join(f"{json_line(one)}\n" for one in nights)
+    every, known = tuple(nights), read_ledger(path)
+    if every[: len(known)] != known:
+        raise StoreError(
+            f"{path} holds nights that the new ledger lacks, and a ledger only grows: restore it "
+            f"with `dvc checkout {path}`, or delete it and run `dvc repro`"
+        )
     before = path.read_text(encoding="utf-8") if path.exists() else ""
-    if not text.startswith(before):
-        raise StoreError(f"{path} holds nights that the new ledger lacks: a ledger only grows")
-    write_text(text, path)
+    write_text(before + "".join(f"{json_line(one)}\n" for one in every[len(known) :]), path)
 
 
 def latest(nights: Iterable[Night]) -> list[Night]:
-    """The last line of each night and target, oldest night first."""
+    """The last line of each night and target, oldest night first.
+
+    A night that had no records is none any more where a later line has some.
+    """
     found: dict[tuple[str, ...], Night] = {}
     for one in nights:
         key = (*one.target, one.model, one.night)
+        found.pop((one.submodel, "", "", *key[3:]), None)
         found.pop(key, None)
         found[key] = one
     return list(found.values())
@@ -117,13 +131,16 @@ def serving(nights: Iterable[Night], bundle: Bundle | None) -> tuple[Night, ...]
 def asks(nights: Iterable[Night]) -> list[Night]:
     """Newest night of each ask that is open, one for each sub-model and work, the oldest ask first.
 
-    ``nights`` of the models that serve.  An ask for records is closed by a night that has some.
+    ``nights`` of the models that serve.  An ask for records is closed by :data:`RECORDED` nights
+    that have some, one of a target that is not met any more by :data:`PERIOD_NIGHTS` without it.
     """
     known = [one for one in latest(nights) if one.result != "not scored"]
-    newest = {one.submodel: one.night for one in known}
     last = {one.target: one for one in known}.values()
     found: dict[tuple[str, str], Night] = {}
     for one in sorted(last, key=lambda one: one.since):
-        if one.ask and (one.ask != "records" or one.night == newest[one.submodel]):
+        later = {two.night for two in known if two.submodel == one.submodel} - {
+            two.night for two in known[: known.index(one) + 1]
+        }
+        if one.ask and len(later) < (RECORDED if one.ask == "records" else PERIOD_NIGHTS):
             found.setdefault((one.submodel, one.ask), one)
     return list(found.values())

@@ -2,8 +2,9 @@
 
 Estimates y_j of machines j have standard errors s_j; the machines' true values are normal about a
 mean mu with a standard deviation tau between machines (Gelman et al. 2013, Bayesian Data Analysis,
-section 5.4).  mu has a flat prior, tau a half-normal one, since few machines say little of it: an
-estimate such as that of Paule and Mandel (1982) is often 0 for two or three, and intervals that
+section 5.4).  mu has a flat prior.  tau is 0 with probability :data:`ALIKE`, that machines of the
+type do not differ in this parameter, and else half-normal, since few machines say little of it: the
+estimate of DerSimonian and Laird (1986) is often 0 for a few that do differ, and intervals that
 take it for certain are too narrow (Gelman 2006).  Given tau all is in closed form; over tau it is
 summed on a grid.  For machine j the others are the prior: normal about their mean mu_-j with
 variance P = var(mu_-j) + tau^2, so that the pooled value is
@@ -25,8 +26,10 @@ from pipeline.submodels.statistics import NORMAL_95
 BETWEEN = 0.3
 """Scale of the half-normal prior of the standard deviation of a parameter's logarithm between
 machines of a type [1]: three in ten, as for a transfer."""
-GRID = 400
-"""Values of tau that are summed over [1]."""
+ALIKE = 0.3
+"""Probability that machines of a type do not differ in a parameter, before their records [1]."""
+GRID = 401
+"""Values of tau that are summed over, the first 0 [1]."""
 FARTHEST = 20.0
 """Greatest tau of the grid over the scale of its prior [1]."""
 LEAST_ERROR = 1e-6
@@ -62,11 +65,14 @@ class _Others:
 
 def _others(y: Floats, s: Floats, scale: float, own: int | None) -> _Others:
     """Prior of machine ``own`` by all others; of a further machine where ``own`` is None."""
-    u = (np.arange(GRID) + 0.5) / GRID
+    u = np.arange(GRID) / (GRID - 1)
     tau = FARTHEST * scale * u**3  # fine near 0
     v = s**2 + tau[:, None] ** 2  # (G, J)
     mean, variance = _weighted(y, v)
-    log = -0.5 * (tau / scale) ** 2 + 2 * np.log(u)  # prior times the width of a cell
+    prior = np.exp(-0.5 * (tau / scale) ** 2) * u**2  # times the width of a cell
+    prior *= (1 - ALIKE) / prior.sum()
+    prior[0] = ALIKE
+    log = np.log(prior, where=prior > 0, out=np.full(GRID, -np.inf))
     log += 0.5 * (np.log(variance) - np.log(v).sum(1) - ((y - mean[:, None]) ** 2 / v).sum(1))
     probability = np.exp(log - log.max())
     if own is not None:
@@ -89,11 +95,11 @@ def expected(
 
     ``estimates``, ``errors``: of machines of its type, with standard errors; ``scale``: that of the
     half-normal prior of the deviation between machines.  From a single machine it is that one's
-    value, with its variance and twice the square of the scale: both are off the type's mean.
+    value, with its variance and twice the mean square of tau: both are off the type's mean.
 
     >>> mean, deviation = expected([1.0], [0.4], 0.3)
     >>> round(mean, 3), round(deviation, 3)
-    (1.0, 0.583)
+    (1.0, 0.535)
     """
     prior = _others(np.array(estimates), np.array(errors), scale, None)
     mean = float(prior.probability @ prior.mean)

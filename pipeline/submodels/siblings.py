@@ -5,7 +5,7 @@ determine has the siblings' value with its interval as a proposal.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -56,19 +56,21 @@ def siblings_section(
     kin = one.alike(shown.model)
     alike = {machine: model for machine, model in siblings.items() if one.alike(model) == kin}
     apart = sorted(set(siblings) - set(alike))
-    other = f"Not pooled with {joined(apart)}: {one.unlike}." if apart else ""
+    other = f"Not pooled with {joined(apart)}, of the same type: {one.unlike}." if apart else ""
     if not alike:
-        said = f"No other machine of type {kind} in this fleet has a model to pool with."
-        return Section(key="siblings", title="Siblings", text=[said, *filter(None, [other])])
+        said = other or f"No other machine of type {kind} in this fleet has a model to pool with."
+        return Section(key="siblings", title="Siblings", text=[said])
     rows = list(_rows(one, shown.model, alike, content))
     text = [
         f"Pooled with {joined(sorted(alike))}, of the same type ({kind}): each machine’s value "
         "counts by how well its records determine it, and by how far machines of the type differ. "
         "Nothing uses these values: what serves is the machine’s own model.",
-        _moved_words(rows), _open_words(rows), _few_words(len(alike)), other,
+        *_words(rows, len(alike)), other,
     ]  # fmt: skip
     made = sources(shown.shelf, shown.folder / "model.json", *(paths[name] for name in alike))
-    table = tabulated("Own records and siblings", rows, COLUMNS, made, most=MOST_ROWS, folded=True)
+    table = tabulated(
+        "Own records and siblings", rows, _columns(len(alike)), made, most=MOST_ROWS, folded=True
+    )
     return Section(
         key="siblings", title="Siblings", text=[*filter(None, text)], blocks=present(table)
     )
@@ -97,56 +99,51 @@ def _known(row: _Row) -> bool:
     return row.own.determined and row.own.value is not None
 
 
-def _moved_words(rows: "list[_Row]") -> str:
-    moved = sorted(row.pooled.moved for row in rows if _known(row))
-    if not moved:
-        return ""
-    if len(moved) == 1:
-        return (
-            f"The machine’s own records moved 1 value by {_share(moved[0])} of the way from the "
-            "siblings’ mean."
+def _theirs(siblings: int) -> str:
+    return "siblings’ mean" if siblings > 1 else "sibling’s value"
+
+
+def _words(rows: "list[_Row]", siblings: int) -> Iterator[str]:
+    """How far the own records moved the values, how many they leave open, a warning of one."""
+    moved = [row.pooled.moved for row in rows if _known(row)]
+    if moved:
+        shares = dict.fromkeys(map(_share, (min(moved), max(moved))))
+        yield (
+            f"The machine’s own records moved {counted(len(moved), 'value')} by "
+            f"{' to '.join(shares)} of the way from the {_theirs(siblings)}."
         )
-    return (
-        f"The machine’s own records moved {counted(len(moved), 'value')} by {_share(moved[0])} to "
-        f"{_share(moved[-1])} of the way from the siblings’ mean, half of them by at least "
-        f"{_share(moved[len(moved) // 2])}."
-    )
-
-
-def _open_words(rows: "list[_Row]") -> str:
-    many = sum(not _known(row) for row in rows)
-    if not many:
-        return ""
-    return (
-        f"Its records do not determine {counted(many, 'value')}, which the siblings propose with "
-        "an interval."
-    )
-
-
-def _few_words(siblings: int) -> str:
-    if siblings > 1:
-        return ""
-    return (
-        "A single sibling says little of how far machines of a type differ: a standard deviation "
-        f"of {100 * BETWEEN:.0f}{NARROW}% or so is assumed until there are more."
-    )
+    if many := len(rows) - len(moved):
+        theirs = "siblings propose" if siblings > 1 else "sibling proposes"
+        yield (
+            f"Its records do not determine {counted(many, 'value')}, which the {theirs} with an "
+            "interval."
+        )
+    if siblings == 1:
+        yield (
+            "A single sibling says little of how far machines of a type differ: a standard "
+            f"deviation of {100 * BETWEEN:.0f}{NARROW}% or so is assumed until there are more."
+        )
 
 
 def _share(part: float) -> str:
     return f"{100 * part:.0f}{NARROW}%"
 
 
-COLUMNS: tuple[Column[_Row], ...] = (
-    Column("Parameter", lambda row: code(row.name)),
-    Column("means", lambda row: row.means),
-    Column("own records", lambda row: number(row.own.value, row.digits) if _known(row) else
-           Cell(text="not determined", status="unknown"), ""),
-    Column("siblings’ mean", lambda row: number(row.pooled.expected, row.digits), ""),
-    Column("siblings", lambda row: str(row.pooled.siblings), ""),
-    Column("pooled", lambda row: number(row.pooled.value, row.digits) if _known(row) else
-           Cell(text=f"{number(row.pooled.value, row.digits)}, proposed", status="unknown"), ""),
-    Column("95 % interval", lambda row: between(*row.pooled.interval_95), ""),
-    Column("unit", lambda row: unit_of(row.own)),
-    Column("moved by own records",
-           lambda row: _share(row.pooled.moved) if _known(row) else "–", ""),
-)  # fmt: skip
+def _columns(siblings: int) -> tuple[Column[_Row], ...]:
+    unknown = Cell(text="not determined", status="unknown")
+    many = [Column[_Row]("siblings", lambda row: str(row.pooled.siblings), "")]
+    return (
+        Column("Parameter", lambda row: code(row.name)),
+        Column("means", lambda row: row.means),
+        Column("own records", lambda row: number(row.own.value, row.digits) if _known(row) else
+               unknown, ""),
+        Column(_theirs(siblings), lambda row: number(row.pooled.expected, row.digits), ""),
+        *(many if siblings > 1 else []),
+        Column("pooled", lambda row: number(row.pooled.value, row.digits) if _known(row) else
+               Cell(text=f"{number(row.pooled.value, row.digits)}, proposed", status="unknown"),
+               ""),
+        Column("95 % interval", lambda row: between(*row.pooled.interval_95), ""),
+        Column("unit", lambda row: unit_of(row.own)),
+        Column("moved by own records",
+               lambda row: _share(row.pooled.moved) if _known(row) else "–", ""),
+    )  # fmt: skip

@@ -287,6 +287,6 @@ def first_ask(nights: list[Night], fault_from: int) -> tuple[int, Night] | None:
 
 
 def false_asks(nights: list[Night], before: int | None = None) -> list[Night]:
-    """Nights that ask before the fault, one of each night."""
+    """Calls before the fault, one of each ask: it stays open until the errors are back."""
     order = list(dict.fromkeys(one.night for one in nights))[:before]
-    return list({one.night: one for one in nights if one.ask and one.night in order}.values())
+    return list({one.since: one for one in nights if one.ask and one.night in order}.values())

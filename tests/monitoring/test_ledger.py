@@ -231,8 +231,8 @@ def test_an_ask_is_of_the_model_that_serves_and_missing_records_end_with_some() 
     lost = replace(ONE_NIGHT, quantity="", night="2026-03-04", share=None, result="no records",
                    ask="records", since="2026-03-04")  # fmt: skip
     assert [one.ask for one in asks([*nights, lost])] == ["identification", "records"]
-    back = replace(ONE_NIGHT, night="2026-03-05")
-    assert asks([*nights, lost, back]) == []
+    back = [replace(ONE_NIGHT, night=night) for night in ("2026-03-05", "2026-03-06")]
+    assert asks([*nights, lost, *back]) == []
 
     def bundle(sha256: str) -> Bundle:
         models = {"spindle": BundledModel(sha256=sha256, status="passed")}
@@ -247,3 +247,40 @@ def test_settings_out_of_range_are_refused_and_conf_has_the_defaults() -> None:
         MonitoringSettings(factor=0.5)
     text = (Path(__file__).parents[2] / "conf/monitoring/default.yaml").read_text()
     assert MonitoringSettings(**read_yaml(text)) == MonitoringSettings()
+
+
+def night_of(number: int, **fields: object) -> Night:
+    return replace(ONE_NIGHT, night=f"2026-02-{number:02d}", **fields)  # type: ignore[arg-type]
+
+
+LOST = {"quantity": "", "unit": "", "n": 0, "share": None, "result": "no records",
+        "ask": "records", "reason": "records missing", "since": "2026-02-02"}  # fmt: skip
+
+
+def test_an_ask_for_records_is_told_by_the_night_that_ends_the_outage() -> None:
+    lost = [night_of(1), night_of(2, **LOST), night_of(3, **LOST), night_of(4)]
+    assert [one.night for one in asks(lost)] == ["2026-02-03"]
+    assert asks([*lost, night_of(5)]) == []
+    assert asks([*lost, night_of(3)]) == [], "its records came later"
+
+
+def test_an_ask_of_a_target_that_is_not_met_any_more_ends() -> None:
+    ask = {"ask": "training", "rule": "r", "reason": "heat", "since": "2026-02-01"}
+    nights = [night_of(1, regime="free run", **ask), *(night_of(k) for k in range(1, 28))]
+    assert [one.regime for one in asks(nights)] == ["free run"]
+    assert asks([*nights, night_of(28), night_of(29)]) == []
+
+
+def test_a_ledger_of_before_an_ask_had_a_first_night_still_grows(tmp_path: Path) -> None:
+    path = tmp_path / "ledger.jsonl"
+    write_ledger([night_of(1, ask="training", rule="r", reason="heat")], path)
+    line = json.loads(path.read_text())
+    del line["since"]
+    path.write_text(json.dumps(line) + "\n")
+    before = path.read_text()
+    known = read_ledger(path)
+    assert known[0].since == "2026-02-01"
+    write_ledger([*known, night_of(2)], path)
+    assert path.read_text().startswith(before) and len(read_ledger(path)) == 2
+    with pytest.raises(StoreError, match="holds nights that the new ledger lacks"):
+        write_ledger([night_of(2)], path)

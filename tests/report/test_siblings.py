@@ -57,20 +57,21 @@ def test_a_page_says_how_far_own_records_moved_the_values(pages: Path) -> None:
     assert "Nothing uses these values" in sharp
     assert (
         "moved 1 value by 100 %" in sharp.replace("\u202f", " ")
-        and "of the way from the siblings’ mean" in sharp
+        and "of the way from the sibling’s value" in sharp
     )
     assert "A single sibling says little" in sharp
-    assert "do not determine 1 value, which the siblings propose" in vague
+    assert "do not determine 1 value, which the sibling proposes" in vague
     assert "0.1, proposed" in vague.replace("0.100", "0.1")
     assert "data/models" not in sharp or "sha256" in sharp
 
 
 def test_another_structure_another_type_and_none_are_not_pooled(pages: Path) -> None:
-    assert "Not pooled with m3: its network has another number of nodes" in section(
-        pages / "m1_spindle.html", "siblings"
+    assert (
+        "Not pooled with m3, of the same type: its network has another number of nodes"
+        in section(pages / "m1_spindle.html", "siblings")
     )
     alone = section(pages / "m3_spindle.html", "siblings")
-    assert "No other machine of type VMC 850 in this fleet has a model to pool with" in alone
+    assert "Not pooled with m1 and m2, of the same type: its" in alone
     only = section(pages / "lathe_spindle.html", "siblings")
     assert "No other machine of type TL 20" in only
     assert "sibling" not in words(pages / "own_spindle.html").lower()

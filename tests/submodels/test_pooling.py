@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.schema.model import Parameter
 from pipeline.submodels.contract import submodel
-from pipeline.submodels.pooling import BETWEEN, Pooled, expected, pooled, standard_error
+from pipeline.submodels.pooling import ALIKE, BETWEEN, Pooled, expected, pooled, standard_error
 
 Z = 1.96
 
@@ -33,16 +33,23 @@ def first(every: list[Parameter]) -> Pooled:
 def restated(y: "np.ndarray", s: "np.ndarray") -> float:
     """Posterior mean of the first machine's value, from the mean of all (BDA 5.17 and 5.20, 5.21).
 
-    The integral over tau is a plain trapezoid over its half-normal prior.
+    A plain sum over tau by its half-normal prior, beside the machines that do not differ.
     """
-    tau = np.linspace(1e-4, 8 * BETWEEN, 20_000)[:, None]
-    v = s**2 + tau**2
-    variance = 1 / (1 / v).sum(1)
-    mean = variance * (y / v).sum(1)
-    density = np.sqrt(variance) * np.prod(v**-0.5, axis=1)
-    density *= np.exp(-((y - mean[:, None]) ** 2 / (2 * v)).sum(1) - (tau[:, 0] / BETWEEN) ** 2 / 2)
-    shrunk = (y[0] / s[0] ** 2 + mean / tau[:, 0] ** 2) / (1 / s[0] ** 2 + 1 / tau[:, 0] ** 2)
-    return float(np.sum(density * shrunk) / np.sum(density))
+
+    def evidence(tau: "np.ndarray") -> "tuple[np.ndarray, np.ndarray]":
+        v = s**2 + tau[:, None] ** 2
+        variance = 1 / (1 / v).sum(1)
+        mean = variance * (y / v).sum(1)
+        found = np.sqrt(variance) * np.prod(v**-0.5, axis=1)
+        return mean, found * np.exp(-((y - mean[:, None]) ** 2 / (2 * v)).sum(1))
+
+    (complete,), (alike,) = evidence(np.zeros(1))
+    tau = np.linspace(1e-4, 8 * BETWEEN, 20_000)
+    mean, differ = evidence(tau)
+    half_normal = np.exp(-((tau / BETWEEN) ** 2) / 2)
+    differ *= (1 - ALIKE) / ALIKE * half_normal / half_normal.sum()
+    shrunk = (y[0] / s[0] ** 2 + mean / tau**2) / (1 / s[0] ** 2 + 1 / tau**2)
+    return float((alike * complete + differ @ shrunk) / (alike + differ.sum()))
 
 
 def test_the_value_is_the_posterior_mean_of_the_hierarchical_model():
@@ -55,12 +62,27 @@ def test_the_value_is_the_posterior_mean_of_the_hierarchical_model():
 def test_identical_machines_pool_and_a_sharp_record_stands_alone():
     same = first(machines(np.full(8, 1.0), np.full(8, 0.2)))
     assert np.log(same.value) == pytest.approx(1.0, abs=1e-4)  # the interval's ends
-    assert same.moved < 0.4
-    assert np.log(same.interval_95[1] / same.interval_95[0]) < 0.7 * 2 * Z * 0.2
+    assert same.moved < 0.2, "its share of eight alike is 0.125"
+    assert np.log(same.interval_95[1] / same.interval_95[0]) < 0.5 * 2 * Z * 0.2
     sharp = first(machines(np.array([1.5, 1.0, 1.1]), np.array([0.002, 0.1, 0.1])))
     assert sharp.moved > 0.99 and np.log(sharp.value) == pytest.approx(1.5, abs=0.002)
     vague = first(machines(np.array([3.0, 1.0, 1.0]), np.array([2.0, 0.01, 0.01])))
     assert vague.moved < 0.02 and np.log(vague.value) == pytest.approx(1.0, abs=0.05)
+
+
+def test_machines_that_do_not_differ_pool_to_their_mean_and_others_do_not():
+    """The own record's share goes to 1 of K where K machines agree as well as their records can."""
+    rng = np.random.default_rng(5)
+    for many in (20, 50):
+        s = rng.uniform(0.15, 0.25, many)
+        found = first(machines(np.full(many, 1.0), s))
+        assert found.moved < 1.5 / many
+        alike = 1.0 + rng.normal(0, s)
+        complete = np.average(alike, weights=s**-2)
+        pooled_value = np.log(first(machines(alike, s)).value)
+        assert abs(pooled_value - complete) < 0.15 * abs(alike[0] - complete)
+    differ = first(machines(rng.normal(1.0, 0.6, 20), np.full(20, 0.1)))
+    assert differ.moved > 0.95
 
 
 def test_what_records_do_not_determine_has_the_siblings_value_as_a_proposal():
@@ -85,7 +107,8 @@ def test_values_of_both_signs_are_pooled_as_they_are():
 
 def test_one_machine_leaves_the_prior_between_machines():
     mean, deviation = expected([0.7], [0.4], 0.3)
-    assert (mean, deviation) == (pytest.approx(0.7), pytest.approx(0.34**0.5, rel=1e-3))
+    off = 2 * (1 - ALIKE) * 0.3**2
+    assert (mean, deviation) == (pytest.approx(0.7), pytest.approx((0.16 + off) ** 0.5, rel=1e-3))
 
 
 def test_a_standard_error_is_of_the_logarithm_where_the_interval_allows():

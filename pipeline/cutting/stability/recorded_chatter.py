@@ -118,7 +118,7 @@ def recorded_chatter(
         verdict="not decided", why="", speed_rpm=60 * nominal, tooth_passing_Hz=nominal * teeth,
         frequency=np.zeros(0), spectrum=np.zeros(0),
     )  # fmt: skip
-    if not np.isfinite(nominal) or nominal <= 0.0:
+    if not (np.isfinite(speed) & (speed > 0.0)).all():
         return _with(none, why="the spindle speed is unknown: give it in rev/min")
     if rate < 6 * nominal * teeth:
         return _with(none, why=f"the band is too small: {rate:g} Hz hold no three harmonics of the "
@@ -133,7 +133,7 @@ def recorded_chatter(
     rotation, order = _rotation(found)
     floor = _floor(found, rotation)
     tooth = rotation & (order % teeth == 0)
-    cut = _in_cut(found, tooth, floor)
+    cut, idle = _in_cut(found, tooth, floor, teeth)
     own = _with(none, speed_rpm=60 * float(np.median(found.n)),
                 tooth_passing_Hz=teeth * float(np.median(found.n)))  # fmt: skip
     if cut.sum() < LEAST_SEGMENTS:
@@ -141,7 +141,7 @@ def recorded_chatter(
                      "tooth-passing frequency; check speed and teeth")  # fmt: skip
     moves = np.array([*derivatives, *[0] * (len(y) - len(derivatives))])
     found = replace(found, moved=_moved(found, moves))
-    return _judged(own, found, (y, rate, teeth), cut, (rotation, order, floor), speeds_rpm)
+    return _judged(own, found, (y, rate, teeth), (cut, idle), (rotation, order, floor), speeds_rpm)
 
 
 def _with(one: RecordedChatter, **changes: object) -> RecordedChatter:
@@ -210,22 +210,31 @@ def _floor(found: _Spectra, rotation: Bools) -> Floats:
     return np.maximum(out, 1e-12)
 
 
-def _in_cut(found: _Spectra, tooth: Bools, floor: Floats) -> Bools:
-    """Segments in which the tooth-passing lines stand out; shape (S,)."""
+def _in_cut(found: _Spectra, tooth: Bools, floor: Floats, teeth: int) -> tuple[Bools, Bools]:
+    """Segments in which the tooth-passing lines stand out, and idle ones; shape (S,).
+
+    Where the speed changes, which spreads the lines, a segment is neither; between two cuts it is
+    idle only with the tooth-passing lines near the floor.
+    """
     energy = np.where(tooth & (found.frequency > 0.5 * found.n.min()), found.power / floor, 0.0)
     high = energy.max(axis=2).sum(axis=0)
     strength = np.where(tooth, found.power, 0.0).sum(axis=(0, 2))
     strong = strength > IN_CUT * np.quantile(strength, 0.9)
-    return (high > 4 * -log(FALSE_ALARM) * len(found.power)) & strong
+    stands_out = high > 4 * -log(FALSE_ALARM) * len(found.power)
+    constant = 2 * teeth * np.abs(np.gradient(found.n)) < GUARD * found.frequency[1]
+    cut = stands_out & strong & constant
+    between = np.logical_or.accumulate(cut) & np.logical_or.accumulate(cut[::-1])[::-1]
+    return cut, constant & ~cut & ~(between & stands_out)
 
 
 def _judged(
-    own: RecordedChatter, found: _Spectra, recorded: tuple[Floats, float, int], cut: Bools,
-    parts: tuple[Bools, Ints, Floats], speeds_rpm: tuple[float, float] | None,
+    own: RecordedChatter, found: _Spectra, recorded: tuple[Floats, float, int],
+    segments: tuple[Bools, Bools], parts: tuple[Bools, Ints, Floats],
+    speeds_rpm: tuple[float, float] | None,
 ) -> RecordedChatter:  # fmt: skip
     from scipy.stats import beta, gamma
 
-    (y, rate, teeth), (rotation, order, floor) = recorded, parts
+    (y, rate, teeth), (cut, idle), (rotation, order, floor) = recorded, segments, parts
     white = (found.power / floor).sum(axis=0)
     mean = white[cut].mean(axis=0)
     inside = (found.frequency > max(found.n.min(), 10.0)) & (found.frequency < 0.45 * rate)
@@ -237,7 +246,6 @@ def _judged(
     shape = len(y) * max(cut.sum() / 2, 1.0)
     chance = gamma.sf(mean * shape / len(y), shape) * free.sum()
     count = int(cut.sum())
-    idle = ~cut
     line = free & (chance < FALSE_ALARM)
     if idle.sum() >= 2:  # a line that sounds without the cut too is another machine's
         line &= found.power[:, idle].mean(axis=(0, 1)) < 0.25 * found.power[:, cut].mean((0, 1))
@@ -268,38 +276,59 @@ def _judged(
     near = white[:, max(at - 1, 0) : at + 2].max(axis=1) > -log(0.01) * len(y)
     there = near & cut
     runs = np.convolve(there, np.ones(3), "valid") == 3
-    first = int(np.argmax(runs)) if runs.any() else 0
-    late = asynchronous[np.flatnonzero(cut) >= first], synchronous[np.flatnonzero(cut) >= first]
-    share = float(late[0].sum() / max(late[0].sum() + late[1].sum(), 1e-12))
-    steady = _envelope(y, rate, f_c, found, np.flatnonzero(cut & (np.arange(len(cut)) >= first)))
+    longest = _longest_run(there if there.any() else cut)
+    during = np.isin(np.flatnonzero(cut), longest)
+    share = float(asynchronous[during].sum()
+                  / max((asynchronous + synchronous)[during].sum(), 1e-12))  # fmt: skip
+    steady = _envelope(y, rate, f_c, found, _filled(longest, asynchronous[during]))
     half = abs(f_c / own.tooth_passing_Hz % 1 - 0.5) * own.tooth_passing_Hz
-    agreeing = int(there[first:].sum())
-    after = int(cut[first:].sum())
+    first = int(np.argmax(runs)) if runs.any() else 0
+    agreeing, after = int(there[first:].sum()), int(cut[first:].sum())
+    bare = own
     own = _with(
         own, frequency_Hz=f_c, frequency_error_Hz=spread, energy_share=share, envelope=steady,
         false_alarm=float(min(chance[at], 1.0)),
         kind="period doubling" if half < found.frequency[1] / 2 else "Hopf",
     )  # fmt: skip
-    sure = float(beta.ppf(0.05, agreeing / 2 + 0.5, (after - agreeing) / 2 + 0.5))
-    lasts = runs.any() and agreeing > 0.5 * after
+    lasts = agreeing > 0.5 * after
     limit = MIDPOINT if share >= GREAT_SHARE else STEADY
-    if lasts and share >= SMALL_SHARE and steady < limit:
+    if runs.any() and share >= SMALL_SHARE and steady < limit:
+        within = slice(first, int(np.flatnonzero(there)[-1]) + 1) if lasts else longest
+        agreeing, after = int(there[within].sum()), int(cut[within].sum())
         return _with(
-            own, verdict="chatter", confidence=sure,
+            own, verdict="chatter",
+            confidence=float(beta.ppf(0.05, agreeing / 2 + 0.5, (after - agreeing) / 2 + 0.5)),
             begins_s=float((found.start[first] + (first > 0) * found.length / 2) / rate),
             stable_speeds_rpm=stable_speeds(f_c, teeth, own.speed_rpm, speeds_rpm),
             why=f"a steady line at {f_c:.4g} Hz holds {100 * share:.2g} % of the energy",
         )  # fmt: skip
     if locked:
-        return _with(own, **locked)
-    if lasts and share >= SMALL_SHARE and steady < MIDPOINT:
-        return _with(own, why=f"the line at {f_c:.4g} Hz is neither steady nor random: its "
-                     f"envelope is {steady:.2f}, 1 is steady, 2 random; record longer")  # fmt: skip
+        return _with(bare, **locked)
+    if runs.any() and (steady < MIDPOINT or not lasts):
+        why = (
+            f"holds {100 * share:.1g} % of the energy, little for chatter" if share < SMALL_SHARE
+            else "is there in a part of the cut only" if not lasts
+            else "is neither steady nor random"
+        )  # fmt: skip
+        return _with(own, why=f"the line at {f_c:.4g} Hz {why}: its envelope is {steady:.2f}, "
+                     "1 is steady, 2 random; record longer")  # fmt: skip
     random = "random, as of a structure that noise shakes"
-    what = random if steady >= MIDPOINT else "too small or too short for chatter"
+    what = random if steady >= MIDPOINT else "too short for chatter"
     sure = float(beta.ppf(0.05, count / 2 + 0.5, 0.5))
     return _with(own, verdict="stable", kind="", confidence=sure,
                  why=f"the line at {f_c:.4g} Hz is {what}")  # fmt: skip
+
+
+def _longest_run(there: Bools) -> Ints:
+    """Segments of the longest run, of one or more."""
+    segments = np.flatnonzero(there)
+    return max(np.split(segments, np.flatnonzero(np.diff(segments) > 1) + 1), key=len)
+
+
+def _filled(run: Ints, energy: Floats) -> Ints:
+    """The run without segments at its ends that a line fills in part: below half the median."""
+    full = np.flatnonzero(energy >= 0.5 * np.median(energy))
+    return run[full[0] : full[-1] + 1]
 
 
 def _of_mains(frequency: Floats) -> Bools:
@@ -323,11 +352,9 @@ def _precise(power: Floats, frequency: Floats, at: int) -> tuple[float, float]:
 
 
 def _envelope(y: Floats, rate: float, f_c: float, found: _Spectra, segments: Ints) -> float:
-    """<a^4> / <a^2>^2 of the line in its longest stretch, by its loudest channel [1]."""
-    breaks = np.split(segments, np.flatnonzero(np.diff(segments) > 1) + 1)
-    longest = max(breaks, key=len)
-    begin = int(found.start[longest[len(longest) // 4]])
-    part = y[:, begin : int(found.start[longest[-1]]) + found.length]
+    """<a^4> / <a^2>^2 of the line in consecutive segments, by its loudest channel [1]."""
+    begin = int(found.start[segments[len(segments) // 4]])
+    part = y[:, begin : int(found.start[segments[-1]]) + found.length]
     n = float(np.median(found.n))
     width = max(abs(f_c / n - round(f_c / n)) * n - found.frequency[1], 2 * found.frequency[1])
     spectrum = np.fft.fft(part - part.mean(axis=1, keepdims=True))

@@ -106,6 +106,53 @@ def test_a_line_that_sounds_before_the_cut_is_another_machine() -> None:
     assert recorded_chatter(y, RATE, N_S, TEETH).verdict == "stable"
 
 
+@pytest.mark.parametrize("begin", [0.0, 1.2, 4.0])
+def test_chatter_that_starts_and_stops_is_found_with_its_begin(begin: float) -> None:
+    t, y = synthetic(8.0)
+    y = y + np.where((t > begin) & (t < begin + 2.8), 0.8 * np.cos(2 * np.pi * 757.3 * t), 0.0)
+    found = recorded_chatter(y, RATE, N_S, TEETH)
+    assert found.verdict == "chatter"
+    assert found.envelope == pytest.approx(1.0, abs=0.1)
+    assert found.begins_s == pytest.approx(begin, abs=64 / N_S)  # half a segment
+
+
+def test_chatter_that_comes_and_goes_is_never_stable() -> None:
+    t, y = synthetic(16.0)
+    for on, off in ((1.6, 3.2), (2.5, 2.5), (2.0, 6.0), (3.2, 1.5)):  # 1.28 s is a segment
+        y_on = y + np.where(t % (on + off) < on, 0.8 * np.cos(2 * np.pi * 757.3 * t), 0.0)
+        assert recorded_chatter(y_on, RATE, N_S, TEETH).verdict != "stable", (on, off)
+
+
+def test_chatter_through_a_change_of_speed_is_not_another_machine() -> None:
+    t = np.arange(int(8 * RATE)) / RATE
+    n = np.interp(t, [2.5, 5.5], [N_S, 1.15 * N_S])
+    turned = 2 * np.pi * np.cumsum(n) / RATE
+    y = sum(np.cos(k * TEETH * turned + k) / k for k in range(1, 8)) + 0.3 * np.cos(turned)
+    y = y + 0.8 * np.cos(2 * np.pi * 757.3 * t)
+    y = y + 0.1 * np.random.default_rng(1).standard_normal(len(t))
+    found = recorded_chatter(y, RATE, n, TEETH)
+    assert found.verdict == "chatter"
+    assert found.frequency_Hz == pytest.approx(757.3, abs=1.0)
+
+
+def test_a_line_that_sounds_in_a_pause_of_the_cut_is_another_machine() -> None:
+    t, y = synthetic(9.0)
+    rest = 0.1 * np.random.default_rng(3).standard_normal(len(t))
+    y = np.where((t > 3.0) & (t < 6.0), rest, y) + 0.5 * np.cos(2 * np.pi * 757.3 * t)
+    assert recorded_chatter(y, RATE, N_S, TEETH).verdict == "stable"
+
+
+def test_chatter_at_orders_of_the_rotation_has_no_envelope_of_another_line() -> None:
+    t, y = synthetic(teeth=4)
+    y = y + sum(3 * np.cos(2 * np.pi * (k + 0.5) * 4 * N_S * t) for k in range(3))
+    spectrum = np.fft.rfft(np.random.default_rng(2).standard_normal(len(t)))
+    f = np.fft.rfftfreq(len(t), 1 / RATE)
+    shaken = np.fft.irfft(spectrum / (750**2 - f**2 + 2j * 0.003 * 750 * f), len(t))
+    found = recorded_chatter(y + 0.3 * shaken / shaken.std(), RATE, N_S, 4)
+    assert (found.verdict, found.kind) == ("chatter", "period doubling")
+    assert (found.envelope, found.false_alarm, found.begins_s) == (None, None, None)
+
+
 @pytest.mark.parametrize(
     ("seconds", "rate", "n", "why"),
     [(0.5, RATE, N_S, "too short"), (4.0, 1000.0, N_S, "band"), (4.0, RATE, 137.0, "no cut")],

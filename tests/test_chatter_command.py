@@ -1,0 +1,132 @@
+"""`kerf chatter` on files as recorders write them."""
+
+import json
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import pipeline.app.program_commands  # noqa: F401, its commands
+from pipeline.app.chatter import document, said
+from pipeline.app.kerf import app
+from pipeline.cutting.stability.recorded_chatter import RecordedChatter
+
+RATE = 5120.0
+SPEED_RPM, TEETH = 6000, 3
+
+
+def recorded(path: Path, head: str, unit_s: float, chatter_Hz: float) -> Path:
+    """Three seconds of a cut with a chatter line as loud as the teeth."""
+    t = np.arange(round(3 * RATE)) / RATE
+    noise = np.random.default_rng(1).standard_normal(len(t))
+    signal = np.sin(2 * np.pi * SPEED_RPM / 60 * TEETH * t) + 0.05 * noise
+    signal += np.sin(2 * np.pi * chatter_Hz * t)
+    np.savetxt(path, np.column_stack([t / unit_s, signal]), delimiter=",", header=f"{head},acc",
+               comments="", fmt="%.9g")  # fmt: skip
+    return path
+
+
+@pytest.mark.parametrize(
+    ("head", "unit_s"),
+    [("time", 1.0), ("t", 1.0), ("Time", 1.0), ("time_s", 1.0), ("time_ms", 1e-3)],
+)
+def test_a_column_of_time_is_known_by_its_usual_names(
+    head: str, unit_s: float, tmp_path: Path
+) -> None:
+    file, out = recorded(tmp_path / "cut.csv", head, unit_s, 743.0), tmp_path / "chatter.json"
+    done = CliRunner().invoke(app, ["chatter", str(file), "--teeth", str(TEETH), "--speed",
+                                    str(SPEED_RPM), "--json", str(out)])  # fmt: skip
+    assert done.exit_code == 0, done.output
+    found = json.loads(out.read_text())
+    assert found["verdict"] == "chatter"
+    assert found["frequency_Hz"] == pytest.approx(743.0, rel=0.01)
+
+
+def judged(file: Path, *options: str) -> tuple[dict[str, Any], str]:
+    """JSON and text of the command on a file."""
+    out = file.with_suffix(".json")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        done = CliRunner().invoke(app, ["chatter", str(file), "--teeth", str(TEETH), "--json",
+                                        str(out), *options])  # fmt: skip
+    assert done.exit_code == 0, (done.output, done.exception)
+    return json.loads(out.read_text()), " ".join(done.output.split())
+
+
+def test_no_column_of_time_is_a_channel_though_the_rate_is_given(tmp_path: Path) -> None:
+    file = recorded(tmp_path / "cut.csv", "time_s", 1.0, 743.0)
+    lines = file.read_text().splitlines()
+    ticks = ["timestamp", *(f"{k * 1e6 / RATE:.3f}" for k in range(len(lines) - 1))]
+    file.write_text("".join(f"{a},{b}\n" for a, b in zip(lines, ticks, strict=True)))
+    both, _ = judged(file, "--speed", str(SPEED_RPM), "--rate", str(RATE))
+    alone, _ = judged(file, "--speed", str(SPEED_RPM), "--rate", str(RATE), "--channel", "acc")
+    assert both == alone
+
+
+def test_gaps_and_zeros_of_the_speed_leave_the_verdict(tmp_path: Path) -> None:
+    file = recorded(tmp_path / "cut.csv", "time", 1.0, 743.0)
+    head, *rows = file.read_text().splitlines()
+    speeds = [str(SPEED_RPM)] * len(rows)
+    speeds[4000], speeds[:500] = "", ["0"] * 500
+    text = "".join(f"{a},{b},0\n" for a, b in zip(rows, speeds, strict=True))
+    file.write_text(f"{head},rpm,dead\n{text}")
+    found, _ = judged(file, "--speed", "rpm")
+    assert found["verdict"] == "chatter"
+    assert found["speed_rpm"] == pytest.approx(SPEED_RPM, rel=0.001)
+
+
+def test_a_speed_that_is_never_above_0_is_said_in_a_sentence(tmp_path: Path) -> None:
+    file = recorded(tmp_path / "cut.csv", "time", 1.0, 743.0)
+    head, *rows = file.read_text().splitlines()
+    file.write_text("\n".join([f"{head},rpm", *(f"{row},0" for row in rows)]))
+    done = CliRunner().invoke(app, ["chatter", str(file), "--teeth", "3", "--speed", "rpm"])
+    assert done.exit_code == 2
+    assert "no value above 0" in " ".join(done.output.split())
+
+
+def test_the_json_has_none_for_a_number_that_is_not_finite() -> None:
+    unknown = RecordedChatter(
+        verdict="not decided", why="", speed_rpm=np.nan, tooth_passing_Hz=np.nan,
+        frequency=np.zeros(0), spectrum=np.zeros(0),
+    )  # fmt: skip
+    assert document(unknown)["speed_rpm"] is None
+
+
+def test_the_begin_counts_from_the_recording_not_from_its_longest_stretch(tmp_path: Path) -> None:
+    t = np.arange(round(6 * RATE)) / RATE
+    noise = np.random.default_rng(1).standard_normal(len(t))
+    signal = np.sin(2 * np.pi * SPEED_RPM / 60 * TEETH * t) + 0.05 * noise
+    signal += np.where(t > 4.0, np.sin(2 * np.pi * 743.0 * t), 0.0)
+    kept = (t < 1.0) | (t > 2.0)  # the recorder paused for a second
+    file = tmp_path / "cut.csv"
+    np.savetxt(file, np.column_stack([100.0 + t, signal])[kept], delimiter=",", comments="",
+               header="time,acc", fmt="%.9g")  # fmt: skip
+    found, text = judged(file, "--speed", str(SPEED_RPM))
+    assert found["begins_s"] == pytest.approx(4.0, abs=0.5)
+    assert f"from {found['begins_s']:.2f} s on" in text
+
+
+def test_no_begin_is_printed_where_none_is_known() -> None:
+    locked = RecordedChatter(
+        verdict="chatter", why="", kind="Hopf", frequency_Hz=743.0, speed_rpm=6000.0,
+        tooth_passing_Hz=300.0, frequency=np.zeros(0), spectrum=np.zeros(0),
+    )  # fmt: skip
+    assert not any("from" in line for line in said(locked))
+
+
+def test_the_unit_in_a_name_says_that_a_channel_is_an_acceleration(tmp_path: Path) -> None:
+    t = np.arange(round(3 * RATE)) / RATE
+    noise = np.random.default_rng(1).standard_normal(len(t))
+    signal = np.sin(2 * np.pi * SPEED_RPM / 60 * TEETH * t) + 0.05 * noise
+    signal += 0.3 * np.sin(2 * np.pi * 443.0 * t) + np.sin(2 * np.pi * 1343.0 * t)
+    found = {}
+    for name in ("acc", "acc [m/s^2]"):
+        file = tmp_path / "cut.csv"
+        np.savetxt(file, np.column_stack([t, signal]), delimiter=",", header=f"time,{name}",
+                   comments="", fmt="%.9g")  # fmt: skip
+        found[name] = judged(file, "--speed", str(SPEED_RPM))[0]["frequency_Hz"]
+    assert found["acc"] == pytest.approx(1343.0, rel=0.01)
+    assert found["acc [m/s^2]"] == pytest.approx(443.0, rel=0.01)  # there the tool moves most
