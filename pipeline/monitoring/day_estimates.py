@@ -97,7 +97,7 @@ class DayRows:
         """Different words of a column, and the place of each row's among them, -1 for none."""
         if name not in self.table.column_names:
             return [], np.full(len(self.seconds), -1)
-        coded = self.table[name].combine_chunks().dictionary_encode()
+        coded = self.table[name].combine_chunks().cast(pa.string()).dictionary_encode()
         return coded.dictionary.to_pylist(), pc.fill_null(coded.indices, -1).to_numpy()
 
     def modes(self) -> Any:

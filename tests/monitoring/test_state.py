@@ -25,7 +25,9 @@ from pipeline.schema.twin_state import (
     QUANTITIES,
     TwinState,
     columns,
+    day_path,
     read_day,
+    write_day,
 )
 from pipeline.signals.wear_windows import WearWindows
 from pipeline.stages.__main__ import run
@@ -121,6 +123,29 @@ def test_ten_rows_a_second_are_a_period_that_divides_a_day() -> None:
     known = np.isfinite(values["tangential_force_estimated"])
     assert known.mean() > 0.6, "all but a second and a half after a change of speed"
     assert np.abs(values["tangential_force_estimated"] / force - 1)[known].max() < 0.5
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize(
+    "rows",
+    [
+        {"spindle_speed": np.full(1, 3000.0), "spindle_load": np.full(1, 10.0)},
+        {"path_feedrate": np.full(50, 1.0)},
+        {"spindle_speed": np.full(50, np.nan), "spindle_load": np.full(50, np.nan),
+         "tool_number": np.full(50, None), "execution": np.full(50, None)},
+        {"spindle_speed": np.r_[np.full(25, -3e3), np.full(25, 65535.0)],
+         "spindle_load": np.r_[np.full(25, -5.0), np.full(25, 1e9)]},
+        {"spindle_speed": np.full(48, 3e3), "spindle_load": np.full(48, 3.5),
+         "tool_number": np.tile(["probe", "T", "", "99999999999"], 12)},
+    ],
+    ids=["one row", "no spindle", "nothing known", "glitches", "tools without a number"],
+)  # fmt: skip
+def test_rows_of_any_kind_are_written(rows: dict[str, np.ndarray], tmp_path: Path) -> None:
+    day = day_rows(rows, "cut")
+    values, _ = day_state(day, estimators())
+    write_day(day.table["time"].combine_chunks(), values, day_path(tmp_path, day.day))
+    assert read_day(tmp_path, day.day).num_rows == len(day.seconds)
+    assert not np.isfinite(values["tangential_force_estimated"]).any()
 
 
 def test_a_tool_change_is_where_the_spindle_stands_about_the_new_number() -> None:
