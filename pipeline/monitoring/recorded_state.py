@@ -33,8 +33,6 @@ BAND_HZ = (10.0, 1000.0)
 """Band of the vibration's RMS [Hz] (Twin2026)."""
 LEAST_CORRELATION, MOST_PERCENT = 0.85, 20.0
 """Correlation of vibration [1] and mean absolute error of force [%] as targets (Twin2026)."""
-VIBRATIONS = ("m/s^2", "m/s")
-"""Units of channels that hold a vibration."""
 RIDGE = 0.01
 """Penalty of the regression on standardised conditions [1]: those that always change together
 share their effect."""
@@ -72,8 +70,11 @@ def recorded_trends(
     lives = serving.one.cases(records, serving.judging, sets) if serving else None
     windows = [case.load() for case in lives.cases if case.role != "sealed"] if lives else []
     every = WearWindows.joined(windows) if windows else None
-    channels = [k for k, unit in enumerate(every.units) if unit in VIBRATIONS] if every else []
-    if every is None or not channels:
+    if every is None:
+        return ()
+    channels = [k for k, name in enumerate(every.channels)
+                if every.units[k] == "m/s^2" or name.startswith("vibration")]  # fmt: skip
+    if not channels:
         return ()
     low, high = BAND_HZ
     if every.rate_Hz < 2 * high or every.rate_Hz / every.values.shape[2] > low * (1 + 1e-9):

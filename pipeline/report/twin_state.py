@@ -139,7 +139,8 @@ def _frame(tables: Sequence[pa.Table], first: date, name: str) -> pd.DataFrame:
         table.select(["tool_number", *parts.values()]).to_pandas().assign(t=_days(table, first))
         for table in tables
     ]
-    every = pd.concat(frames).rename(columns={one: part for part, one in parts.items()})
+    none = pd.DataFrame(columns=["tool_number", "t", *parts.values()])
+    every = pd.concat(frames or [none]).rename(columns={one: part for part, one in parts.items()})
     return every.astype(dict.fromkeys(parts, float) | {"tool_number": object})
 
 

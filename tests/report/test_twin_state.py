@@ -91,6 +91,9 @@ def test_nothing_is_said_where_nothing_was_estimated(tmp_path: Path) -> None:
     folders = replace(empty_machine(tmp_path, "m"), twin_state=tmp_path / "state")
     assert twin_state_section(folders, SourceRegistry()) is None
     found = state(tmp_path / "state")
+    write_json(replace(found, days={}), tmp_path / "state" / MANIFEST)
+    alone = twin_state_section(folders, SourceRegistry())
+    assert alone is not None and len(alone.blocks) == 1, "recordings without a day of a log"
     write_json(replace(found, days={}, trends=()), tmp_path / "state" / MANIFEST)
     assert twin_state_section(folders, SourceRegistry()) is None
     (tmp_path / "state" / MANIFEST).write_text("{}")
