@@ -130,3 +130,33 @@ def test_the_unit_in_a_name_says_that_a_channel_is_an_acceleration(tmp_path: Pat
         found[name] = judged(file, "--speed", str(SPEED_RPM))[0]["frequency_Hz"]
     assert found["acc"] == pytest.approx(1343.0, rel=0.01)
     assert found["acc [m/s^2]"] == pytest.approx(443.0, rel=0.01)  # there the tool moves most
+
+
+def test_a_rate_that_contradicts_the_files_own_time_is_refused(tmp_path: Path) -> None:
+    file = recorded(tmp_path / "cut.csv", "time", 1.0, 743.0)
+    words = ["chatter", str(file), "--teeth", "3", "--speed", "6000", "--rate"]
+    done = CliRunner().invoke(app, [*words, str(RATE / 2)])
+    assert done.exit_code == 2
+    assert "by its own time" in " ".join(done.output.split())
+    assert CliRunner().invoke(app, [*words, str(RATE)]).exit_code == 0
+
+
+def test_the_rate_of_a_sound_is_its_own(tmp_path: Path) -> None:
+    from scipy.io import wavfile
+
+    t = np.arange(round(3 * 8000.0)) / 8000.0
+    signal = np.sin(2 * np.pi * 300.0 * t) + np.sin(2 * np.pi * 743.0 * t)
+    signal += 0.05 * np.random.default_rng(1).standard_normal(len(t))
+    file = tmp_path / "cut.wav"
+    wavfile.write(file, 8000, (8000 * signal).astype(np.int16))
+    found, _ = judged(file, "--speed", str(SPEED_RPM))
+    assert found["frequency_Hz"] == pytest.approx(743.0, rel=0.01)
+    done = CliRunner().invoke(app, ["chatter", str(file), "--teeth", "3", "--speed", "6000",
+                                    "--rate", "4000"])  # fmt: skip
+    assert done.exit_code == 2 and "by its own time" in " ".join(done.output.split())
+
+
+def test_a_speed_without_lines_is_the_stated_one(tmp_path: Path) -> None:
+    file = recorded(tmp_path / "cut.csv", "time", 1.0, 743.0)
+    found, text = judged(file, "--speed", "5371")
+    assert found["verdict"] == "not decided" and "speed 5371 rev/min as stated" in text

@@ -1,13 +1,12 @@
 """Chatter in a recording on the command line (`kerf chatter`): columns, speed, verdict.
 
-Files are read by the readers of records; a column of time gives the rate, else ``--rate`` or the
-file itself (WAV, TDMS).
+Files are read by the readers of records.  A column of time or the file itself (WAV, TDMS) gives the
+rate, and ``--rate`` where neither does; one that contradicts them is refused.
 """
 
-import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, replace
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -15,22 +14,22 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.app.fleet import machine_parameters
-from pipeline.app.machine_signals import IN_BRACKETS
+from pipeline.app.machine_signals import IN_BRACKETS, SHORT, TIME, read_columns
 from pipeline.app.output import rounded
 from pipeline.app.tables import section
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.stability.recorded_chatter import RecordedChatter, recorded_chatter
 from pipeline.schema.arrays import Floats
 from pipeline.schema.si import MINUTE
-from pipeline.signals.formats import RecordSource, TableLayout, UnreadableFile, format_of
-from pipeline.signals.ingest import OBSERVING, reader_of
+from pipeline.signals.formats import UnreadableFile, format_of
+from pipeline.signals.ingest import OBSERVING
 from pipeline.signals.units import conversion
-from pipeline.signals.windows import uniform_segments
+from pipeline.signals.windows import sampling_period, uniform_segments
 
-TIME = re.compile(r"(?:raw_)?(?:t|time|zeit|timestamp)(?![A-Za-z0-9])", re.IGNORECASE)
-"""Names of a column of time; readers write ``raw_`` before one that is a name of their own."""
-UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
-"""Units of a column of time in a name's brackets, over the second."""
+OWN_RATE = ("wav", "tdms")
+"""Formats that state the rate of their channels, TDMS not always."""
+SAME = 0.01
+"""Deviation from the file's own time up to which a stated rate is the same [1]."""
 
 
 def chatter_of(
@@ -40,13 +39,13 @@ def chatter_of(
     """Verdict on a recording; ``speed`` is a number [rev/min] or the name of a column of it."""
     if teeth < 1:
         raise ValueError(f"--teeth {teeth} must be at least 1")
-    table = _table(file)
+    table, has_rate = _table(file)
     numbers = {
         name: table[name].to_numpy(zero_copy_only=False).astype(float)
         for name in table.column_names[1:] if pa.types.is_floating(table.schema.field(name).type)
     }  # fmt: skip
-    clock = next((name for name in numbers if TIME.match(name)), None)
-    time = _time(file, table, numbers, clock, rate)
+    times = [name for name in numbers if TIME.match(name.removeprefix("raw_"))]
+    time = _time(file, table, times, has_rate, rate)
     for name in channels:
         if name not in numbers:
             raise ValueError(f"--channel {name} is no column of numbers of {file}: it has "
@@ -60,7 +59,7 @@ def chatter_of(
         rpm = np.abs(numbers[speed])
     if isinstance(rpm, float) and not 0 < rpm < np.inf:
         raise ValueError(f"--speed {speed} must be above 0 rev/min")
-    used = list(channels) or [n for n in numbers if not TIME.match(n) and n != speed]
+    used = list(channels) or [n for n in numbers if n not in times and n != speed]
     if not used:
         raise ValueError(f"{file} has no column of vibration, force or sound: name one, --channel")
     values = np.stack([numbers[name] for name in used])
@@ -108,55 +107,49 @@ def _speeds(machine: str | None) -> tuple[float, float] | None:
     return None if drive is None else (drive.minimum_speed_rpm, drive.top_speed_rpm)
 
 
-def _table(file: Path) -> pa.Table:
-    """The table by whose layout the most columns are numbers."""
+def _table(file: Path) -> tuple[pa.Table, bool]:
+    """Columns of a recording, the first one its time where the file states its rate, as is said."""
     if not file.is_file():
-        raise ValueError(f"{file} does not exist: name a recording")
+        raise ValueError(f"{file} is no file: name a recording")
     try:
         form = format_of(file)
     except UnreadableFile as error:
         raise ValueError(f"{file}: {error}") from error
     if form in OBSERVING:
         raise ValueError(f"{file} is a log, too slow for chatter: name a table, WAV or TDMS file")
-    found: list[tuple[int, pa.Table]] = []
-    why = ""
-    for units_row, decimal, rate in product(
-        (False, True) if form == "csv" else (False,), ".," if form == "csv" else ".",
-        (None, 1.0) if form in ("wav", "tdms") else (1.0,),
-    ):  # fmt: skip
-        layout = TableLayout(rest=True, rate=rate, units_row=units_row, decimal=decimal)
-        source = RecordSource(format=form, files=file.name, table=layout)
-        try:
-            table = reader_of(form)(file, source, file.parent).table
-        except (UnreadableFile, ValueError) as error:
-            why = str(error)
-            continue
-        if rate is None:
-            return table
-        found.append((sum(map(pa.types.is_floating, table.schema.types)), table))
-    if not found:
-        raise ValueError(f"{file}: {why}")
-    return max(found, key=lambda one: one[0])[1]
+    if form in OWN_RATE:
+        with suppress(ValueError):
+            return read_columns(file, form, None)[1], True
+    return read_columns(file, form)[1], False
 
 
 def _time(
-    file: Path, table: pa.Table, numbers: dict[str, Floats], clock: str | None, rate: float | None
+    file: Path, table: pa.Table, times: Sequence[str], has_rate: bool, rate: float | None
 ) -> Floats:
-    """Time of the rows [s]."""
-    if rate is not None:
-        if not 0 < rate < np.inf:
-            raise ValueError(f"--rate {rate:g} must be above 0 Hz")
-        return np.arange(table.num_rows) / rate
-    if clock is not None:
-        unit = next((u for u in UNITS if re.search(rf"[\[(_ ]{u}\b", clock)), "s")
-        return numbers[clock] * UNITS.get(unit, 1.0)
-    if format_of(file) in ("wav", "tdms"):
+    """Time of the rows [s]: the file's own, else by ``rate``."""
+    if rate is not None and not 0 < rate < np.inf:
+        raise ValueError(f"--rate {rate:g} must be above 0 Hz")
+    if times:
+        column = table.schema.field(times[0])
+        words = [_unit(column), *column.name.rsplit("_", 1)[1:]]
+        factor = conversion(next((SHORT[one] for one in words if one in SHORT), "s"), "s")[0]
+        own = factor * table[times[0]].to_numpy(zero_copy_only=False).astype(float)
+    elif has_rate:
         first = table.column(0)
         if pa.types.is_timestamp(first.type):
-            ns = first.cast(pa.int64()).to_numpy()
-            return (ns - ns[0]) * 1e-9
-        return np.asarray(first.to_numpy(), float)
-    raise ValueError(f"{file} has no column of time: give the sampling rate, --rate in Hz")
+            first = first.cast(pa.int64())
+            own = (first.to_numpy() - first[0].as_py()) * 1e-9
+        else:
+            own = np.asarray(first.to_numpy(), float)
+    elif rate is None:
+        raise ValueError(f"{file} has no column of time: give the sampling rate, --rate in Hz")
+    else:
+        return np.arange(table.num_rows) / rate
+    if rate is not None and abs(rate * sampling_period(own[np.isfinite(own)]) - 1) > SAME:
+        found = 1 / sampling_period(own[np.isfinite(own)])
+        raise ValueError(f"--rate {rate:g} Hz, but by its own time {file} has {found:.6g} Hz: "
+                         "leave --rate out, or mend the file")  # fmt: skip
+    return own
 
 
 def document(found: RecordedChatter) -> dict[str, Any]:
@@ -171,8 +164,9 @@ def said(found: RecordedChatter) -> Iterator[str]:
     """Report of ``kerf chatter`` in lines."""
     sure = "" if found.confidence is None else f" (confidence {100 * found.confidence:.0f} %)"
     yield f"{found.verdict}{sure}: {found.why}"
+    how = "by its lines" if found.seconds_in_cut else "as stated"
     yield (
-        f"speed {found.speed_rpm:.0f} rev/min by its lines, tooth passing "
+        f"speed {found.speed_rpm:.0f} rev/min {how}, tooth passing "
         f"{rounded(found.tooth_passing_Hz, digits=4)} Hz, {found.seconds_in_cut:.1f} s in the cut"
     )
     if found.verdict != "chatter" or found.frequency_Hz is None:

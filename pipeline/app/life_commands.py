@@ -60,10 +60,12 @@ def promote(
 def _decided(decision: "Decision") -> Iterator[str]:
     rows = [(one.name, one.result, one.sentence or "-") for one in decision.rules]
     yield from aligned([("rule", "result", "why"), *rows], words=3)
+    number = decision.challenger.version
+    which = f"version {number}" if number else "the newest bundle, not registered yet,"
     may = "may serve" if decision.may_serve else "may not serve"
     may += " by the rules, and would with --anyway," if decision.overridden else ""
     yield (
-        f"version {decision.challenger.version} of {decision.machine} {may} in the place of "
+        f"{which} of {decision.machine} {may} in the place of "
         f"version {decision.champion.version} ({decision.origin} records); nothing was changed"
     )
 

@@ -59,10 +59,12 @@ _TIMES = {
 _NOT_ACTUAL = ("COMMANDED", "PROGRAMMED", "TARGET", "JOG", "RAPID", "x:SUB", "x:SUB_PROGRAM")
 IN_BRACKETS = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]\s*$")
 """Unit at the end of a column's name, as in ``acc [m/s^2]``."""
-_TIME = re.compile(r"^(t|time|zeit|timestamp|date|datum|clock)([^a-z]|stamp|$)", re.IGNORECASE)
-_SHORT = {"SECOND": "s", "sec": "s", "MILLISECOND": "ms", "MINUTE": "min"} | {
+TIME = re.compile(r"^(t|time|zeit|timestamp|date|datum|clock)([^a-z]|stamp|$)", re.IGNORECASE)
+"""Names of a column of time."""
+SHORT = {"SECOND": "s", "sec": "s", "MILLISECOND": "ms", "MINUTE": "min"} | {
     unit: unit for unit in ("s", "ms", "us", "ns", "min", "h")
 }
+"""Units of time as they are written, by the short one."""
 _SINCE_1970 = {"unix_ns": 1e9, "unix_us": 1e6, "unix_ms": 1e3, "unix_s": 1.0}
 _DATE_S = 631_152_000
 """A greater count is a date from 1990 on [s since 1970]."""
@@ -354,11 +356,11 @@ class Log:
 
 def table_lines(path: Path, form: str, files: str) -> list[str]:
     """Lines of YAML for records like ``path``: columns, times, units and what they may be."""
-    layout, table = _read(path, form)
+    layout, table = read_columns(path, form)
     columns = {name.removeprefix("raw_"): table.column(name) for name in table.column_names[1:]}
     units = {f.name.removeprefix("raw_"): f.metadata[b"unit"].decode() for f in table.schema}
     named = {name: bracket[1] for name in columns if (bracket := IN_BRACKETS.search(name))}
-    time = next((name for name in columns if _TIME.match(name)), None)
+    time = next((name for name in columns if TIME.match(name)), None)
     lines = [f"  - format: {form}", f"    files: {dumps(files, ensure_ascii=False)}", "    table:"]
     lines += ["      units_row: true"] if layout.units_row else []
     lines += ["      decimal: ','"] if layout.decimal == "," else []
@@ -378,11 +380,15 @@ def table_lines(path: Path, form: str, files: str) -> list[str]:
     ]
 
 
-def _read(path: Path, form: str) -> tuple[TableLayout, pa.Table]:
-    """The layout by which the most columns are numbers, and what it reads."""
+def read_columns(path: Path, form: str, rate: float | None = 1.0) -> tuple[TableLayout, pa.Table]:
+    """The layout by which the most columns are numbers, and what it reads.
+
+    ``rate`` [Hz] numbers the rows; None leaves them the file's own, ValueError where it states none
+    or cannot be read.
+    """
     found: list[tuple[int, TableLayout, pa.Table]] = []
     for units_row, decimal in product((False, True), ".,") if form == "csv" else [(False, ".")]:
-        layout = TableLayout(rest=True, rate=1.0, units_row=units_row, decimal=decimal)
+        layout = TableLayout(rest=True, rate=rate, units_row=units_row, decimal=decimal)
         source = RecordSource(format=form, files=path.name, table=layout)  # type: ignore[arg-type]
         try:
             table = reader_of(form)(path, source, path.parent).table
@@ -403,8 +409,8 @@ def _time(name: str, cells: pa.ChunkedArray, unit: str) -> list[str]:
     first, *others = cells.drop_null().to_numpy()[:1000].tolist() or [0.0]
     step = float(np.median(np.diff([first, *others]))) if others else np.nan
     since_1970 = (u for u, n in _SINCE_1970.items() if first / n > _DATE_S)
-    said = _SHORT.get(unit, unit)
-    known = said in _SHORT.values()
+    said = SHORT.get(unit, unit)
+    known = said in SHORT.values()
     said = said if known else next(since_1970, "s")
     why = "by the file" if known else "by its values: check it"
     return [*lines, f"      time_unit: {said}   # {why}; steps of {step:.6g}"]

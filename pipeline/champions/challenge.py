@@ -49,7 +49,9 @@ def decide(
 ) -> tuple[Decision, str]:
     """Judge the newest bundle, or registered version ``to``, against the champion.
 
-    With ``seal`` the sealed set is looked at where all other rules are kept, or with ``anyway``.
+    With ``seal`` the bundle is registered, and the sealed set is looked at where all other rules
+    are kept, or with ``anyway``; without it nothing changes, and a bundle that is not registered
+    is version 0.
     The second value is the hash of the sealed set where it was looked at, else empty.
     Raises ValueError when there is no champion, no challenger or no such version.
     """
@@ -60,9 +62,12 @@ def decide(
     if now.bundle == challenger.sha256:
         return _accepted(machine, now, challenger, to), ""
     champion = fill_champion(machine, now.bundle, names, root)
-    version = register(challenger, folder, root, made_with=lambda: made_with(machine, names, root))
-    if to is None:
-        name_versions(machine, root, challenger=challenger.sha256)
+    number = next((v.version for v in versions(machine, root) if v.bundle == challenger.sha256), 0)
+    if seal:
+        made = partial(made_with, machine, names, root)
+        number = register(challenger, folder, root, made_with=made).version
+        if to is None:
+            name_versions(machine, root, challenger=challenger.sha256)
     both = [n for n, one in challenger.submodels.items()
             if n in champion.submodels and champion.submodels[n].sha256 != one.sha256]  # fmt: skip
     serving = tuple(name for name in champion.submodels if now.serves(name))
@@ -75,7 +80,7 @@ def decide(
     )  # fmt: skip
     decision = Decision(
         machine=machine, origin=challenger.origin,
-        champion=_side(now.version, champion), challenger=_side(version.version, challenger),
+        champion=_side(now.version, champion), challenger=_side(number, challenger),
         changed=tuple(both), golden=sets.golden.sha256 if sets and sets.golden else "",
         rules=tuple(rules), serving=_serving(serving, challenger, anyway), anyway=anyway,
     )  # fmt: skip

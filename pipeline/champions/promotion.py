@@ -133,9 +133,9 @@ def rollback(
 ) -> Champion:
     """Make the version that served before, or version ``to`` that once served, the champion again.
 
-    A further rollback goes one further back.  Within the warm hours of the settings at once, later
-    with ``force`` only.  Raises ValueError when there is no reason, none that served before, or it
-    has not served for longer.
+    A further rollback goes one further back.  What served against the rules does so again.  Within
+    the warm hours of the settings at once, later with ``force`` only.  Raises ValueError when there
+    is no reason, none that served before, or it has not served for longer.
     """
     _needs_reason(machine, why)
     by, moment = by or person(root), stamp(now or datetime.now(UTC))
@@ -167,7 +167,8 @@ def rollback(
         bundle_place(machine, target.bundle, names_of(machine, root), root)
         return _carried_out(_added(
             machine, root, event="rolled back", version=target.version, bundle=target.bundle,
-            at=moment, by=by, why=why, serving=target.serving,
+            at=moment, by=by, why=why, serving=target.serving, anyway=target.anyway,
+            rules=target.rules,
         ), root)  # fmt: skip
 
 

@@ -251,6 +251,26 @@ def test_the_last_line_and_the_decisions_are_guarded_too(root: Path) -> None:
         judged(MACHINE, root)
 
 
+def test_a_rollback_to_what_served_against_the_rules_says_so(root: Path) -> None:
+    challenged(root, 2.0, None)
+    promote(MACHINE, root, why="try", by="Kim", anyway=True, now=NOON)
+    rollback(MACHINE, root, why="back", by="Lee", now=at(1))
+    assert not history_of(MACHINE, root)[-1].anyway
+    forth = rollback(MACHINE, root, why="forth", by="Lee", to=2, now=at(2))
+    last = history_of(MACHINE, root)[-1]
+    assert last.anyway and "rule 'not worse' is broken" in last.rules
+    assert forth.why.startswith("forth; anyway: rule")
+
+
+def test_a_look_before_a_promotion_registers_nothing(root: Path) -> None:
+    challenged(root, 0.0, None)
+    before = versions(MACHINE, root)
+    look = judged(MACHINE, root)
+    assert look.may_serve and look.challenger.version == 0
+    assert versions(MACHINE, root) == before
+    assert promote(MACHINE, root, why="new oil", by="Kim", now=NOON).version == 2
+
+
 def test_a_further_rollback_goes_one_further_back(root: Path) -> None:
     for error_K in (0.5, 0.0):
         challenged(root, error_K, None)

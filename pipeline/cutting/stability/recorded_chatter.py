@@ -134,11 +134,11 @@ def recorded_chatter(
     floor = _floor(found, rotation)
     tooth = rotation & (order % teeth == 0)
     cut, idle = _in_cut(found, tooth, floor, teeth)
+    if cut.sum() < LEAST_SEGMENTS:
+        return _with(none, why="there is no cut in it, or too short a one: no lines at the "
+                     "tooth-passing frequency; check speed and teeth")  # fmt: skip
     own = _with(none, speed_rpm=60 * float(np.median(found.n)),
                 tooth_passing_Hz=teeth * float(np.median(found.n)))  # fmt: skip
-    if cut.sum() < LEAST_SEGMENTS:
-        return _with(own, why="there is no cut in it, or too short a one: no lines at the "
-                     "tooth-passing frequency; check speed and teeth")  # fmt: skip
     moves = np.array([*derivatives, *[0] * (len(y) - len(derivatives))])
     found = replace(found, moved=_moved(found, moves))
     return _judged(own, found, (y, rate, teeth), (cut, idle), (rotation, order, floor), speeds_rpm)
@@ -232,23 +232,16 @@ def _judged(
     segments: tuple[Bools, Bools], parts: tuple[Bools, Ints, Floats],
     speeds_rpm: tuple[float, float] | None,
 ) -> RecordedChatter:  # fmt: skip
-    from scipy.stats import beta, gamma
-
+    """Verdict on a cut: on its line that stands out, or on lines at orders of the rotation."""
     (y, rate, teeth), (cut, idle), (rotation, order, floor) = recorded, segments, parts
     white = (found.power / floor).sum(axis=0)
-    mean = white[cut].mean(axis=0)
     inside = (found.frequency > max(found.n.min(), 10.0)) & (found.frequency < 0.45 * rate)
     free = inside & ~rotation[cut].any(axis=0) & ~_of_mains(found.frequency)
-    own = _with(own, frequency=found.frequency, spectrum=mean,
+    own = _with(own, frequency=found.frequency, spectrum=white[cut].mean(axis=0),
                 seconds_in_cut=float(cut.sum() * found.length / 2 / rate))  # fmt: skip
     if free.sum() < 4 * TURNS:
         return _with(own, why="the band between the lines of the rotation is too small")
-    shape = len(y) * max(cut.sum() / 2, 1.0)
-    chance = gamma.sf(mean * shape / len(y), shape) * free.sum()
-    count = int(cut.sum())
-    line = free & (chance < FALSE_ALARM)
-    if idle.sum() >= 2:  # a line that sounds without the cut too is another machine's
-        line &= found.power[:, idle].mean(axis=(0, 1)) < 0.25 * found.power[:, cut].mean((0, 1))
+    line, chance = _lines(found, white, (cut, idle), free)
     locked = _locked(found, rotation, order, floor, cut, teeth)
     if locked.get("verdict") == "chatter":
         locked["stable_speeds_rpm"] = stable_speeds(
@@ -257,66 +250,114 @@ def _judged(
     if not line.any():
         if locked:
             return _with(own, **locked)
-        sure = float(beta.ppf(0.05, count / 2 + 0.5, 0.5))
-        return _with(own, verdict="stable", confidence=sure,
+        return _with(own, verdict="stable", confidence=_agree(cut.sum(), cut.sum()),
                      why="no line stands out between those of the rotation")  # fmt: skip
-    power = (found.power - floor).sum(axis=0)[cut]
-    at = int(np.argmax(np.where(line, power.mean(axis=0), 0.0)))
-    apart = (found.frequency - found.frequency[at]) % own.tooth_passing_Hz
-    width = GUARD * found.frequency[1]
-    alike = line & ((apart < width) | (apart > own.tooth_passing_Hz - width))
-    weighed = ((found.power - floor)[:, cut].mean(axis=1) * found.moved).sum(axis=0)
-    at = int(np.argmax(np.where(alike, weighed, -np.inf)))
-    f_c, spread = _precise(power, found.frequency, at)
-    shifted = np.abs((found.frequency - f_c + own.tooth_passing_Hz / 2) % own.tooth_passing_Hz
-                     - own.tooth_passing_Hz / 2)  # fmt: skip
-    family = line & (shifted < GUARD * found.frequency[1])
-    asynchronous = power[:, family].sum(axis=1)
-    synchronous = np.where(rotation[cut] & inside, power, 0.0).sum(axis=1)
-    near = white[:, max(at - 1, 0) : at + 2].max(axis=1) > -log(0.01) * len(y)
+    seen = _loudest(own, found, recorded, cut, (rotation & inside, floor), line)
+    near = white[:, max(seen.at - 1, 0) : seen.at + 2].max(axis=1) > -log(0.01) * len(y)
     there = near & cut
-    runs = np.convolve(there, np.ones(3), "valid") == 3
     longest = _longest_run(there if there.any() else cut)
     during = np.isin(np.flatnonzero(cut), longest)
-    share = float(asynchronous[during].sum()
-                  / max((asynchronous + synchronous)[during].sum(), 1e-12))  # fmt: skip
-    steady = _envelope(y, rate, f_c, found, _filled(longest, asynchronous[during]))
-    half = abs(f_c / own.tooth_passing_Hz % 1 - 0.5) * own.tooth_passing_Hz
-    first = int(np.argmax(runs)) if runs.any() else 0
-    agreeing, after = int(there[first:].sum()), int(cut[first:].sum())
-    bare = own
-    own = _with(
-        own, frequency_Hz=f_c, frequency_error_Hz=spread, energy_share=share, envelope=steady,
-        false_alarm=float(min(chance[at], 1.0)),
+    share = float(seen.energy[during].sum() / max(seen.whole[during].sum(), 1e-12))
+    steady = _envelope(y, rate, seen.f_c, found, _filled(longest, seen.energy[during]))
+    half = abs(seen.f_c / own.tooth_passing_Hz % 1 - 0.5) * own.tooth_passing_Hz
+    judged = _with(
+        own, frequency_Hz=seen.f_c, frequency_error_Hz=seen.error, energy_share=share,
+        envelope=steady, false_alarm=float(min(chance[seen.at], 1.0)),
         kind="period doubling" if half < found.frequency[1] / 2 else "Hopf",
     )  # fmt: skip
-    lasts = agreeing > 0.5 * after
-    limit = MIDPOINT if share >= GREAT_SHARE else STEADY
-    if runs.any() and share >= SMALL_SHARE and steady < limit:
+    verdict = _verdict(judged, found, cut, there, longest, rate)
+    if verdict.verdict == "chatter":
+        speeds = stable_speeds(seen.f_c, teeth, own.speed_rpm, speeds_rpm)
+        return _with(verdict, stable_speeds_rpm=speeds)
+    return _with(own, **locked) if locked else verdict
+
+
+def _lines(
+    found: _Spectra, white: Floats, segments: tuple[Bools, Bools], free: Bools
+) -> tuple[Bools, Floats]:
+    """Bins of lines that noise alone does not make, and how probable it is that it does; (F,)."""
+    from scipy.stats import gamma
+
+    cut, idle = segments
+    channels = len(found.power)
+    shape = channels * max(cut.sum() / 2, 1.0)
+    chance = gamma.sf(white[cut].mean(axis=0) * shape / channels, shape) * free.sum()
+    line = free & (chance < FALSE_ALARM)
+    if idle.sum() >= 2:  # a line that sounds without the cut too is another machine's
+        line &= found.power[:, idle].mean(axis=(0, 1)) < 0.25 * found.power[:, cut].mean((0, 1))
+    return line, chance
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Line:
+    at: int  # its bin
+    f_c: float  # [Hz]
+    error: float  # [Hz]
+    energy: Floats  # of it and the lines a tooth-passing frequency apart, (cut segments,)
+    whole: Floats  # that and the energy of the rotation's lines
+
+
+def _loudest(
+    own: RecordedChatter, found: _Spectra, recorded: tuple[Floats, float, int], cut: Bools,
+    parts: tuple[Bools, Floats], line: Bools,
+) -> _Line:  # fmt: skip
+    """The strongest line and those that belong to it, at the frequency at which most moves."""
+    rotation, floor = parts
+    power = (found.power - floor).sum(axis=0)[cut]
+    width = GUARD * found.frequency[1]
+
+    def belongs(f: float) -> Bools:
+        apart = (found.frequency - f) % own.tooth_passing_Hz
+        return line & (np.minimum(apart, own.tooth_passing_Hz - apart) < width)
+
+    at = int(np.argmax(np.where(line, power.mean(axis=0), 0.0)))
+    weighed = ((found.power - floor)[:, cut].mean(axis=1) * found.moved).sum(axis=0)
+    at = int(np.argmax(np.where(belongs(found.frequency[at]), weighed, -np.inf)))
+    f_c, error = _precise(power, found.frequency, at)
+    energy = power[:, belongs(f_c)].sum(axis=1)
+    synchronous = np.where(rotation[cut], power, 0.0).sum(axis=1)
+    return _Line(at=at, f_c=f_c, error=error, energy=energy, whole=energy + synchronous)
+
+
+def _verdict(
+    own: RecordedChatter, found: _Spectra, cut: Bools, there: Bools, longest: Ints, rate: float
+) -> RecordedChatter:
+    """Verdict on the line of ``own`` by its energy, its envelope, and where it is ``there``."""
+    share, steady = own.energy_share or 0.0, own.envelope or 0.0
+    runs = np.convolve(there, np.ones(3), "valid") == 3
+    first = int(np.argmax(runs)) if runs.any() else 0
+    lasts = there[first:].sum() > 0.5 * cut[first:].sum()
+    if (
+        runs.any()
+        and share >= SMALL_SHARE
+        and steady < (MIDPOINT if share >= GREAT_SHARE else STEADY)
+    ):
         within = slice(first, int(np.flatnonzero(there)[-1]) + 1) if lasts else longest
-        agreeing, after = int(there[within].sum()), int(cut[within].sum())
         return _with(
-            own, verdict="chatter",
-            confidence=float(beta.ppf(0.05, agreeing / 2 + 0.5, (after - agreeing) / 2 + 0.5)),
+            own, verdict="chatter", confidence=_agree(there[within].sum(), cut[within].sum()),
             begins_s=float((found.start[first] + (first > 0) * found.length / 2) / rate),
-            stable_speeds_rpm=stable_speeds(f_c, teeth, own.speed_rpm, speeds_rpm),
-            why=f"a steady line at {f_c:.4g} Hz holds {100 * share:.2g} % of the energy",
+            why=f"a steady line at {own.frequency_Hz:.4g} Hz holds {100 * share:.2g} % of the "
+            "energy",
         )  # fmt: skip
-    if locked:
-        return _with(bare, **locked)
     if runs.any() and (steady < MIDPOINT or not lasts):
         why = (
             f"holds {100 * share:.1g} % of the energy, little for chatter" if share < SMALL_SHARE
             else "is there in a part of the cut only" if not lasts
             else "is neither steady nor random"
         )  # fmt: skip
-        return _with(own, why=f"the line at {f_c:.4g} Hz {why}: its envelope is {steady:.2f}, "
-                     "1 is steady, 2 random; record longer")  # fmt: skip
+        return _with(own, why=f"the line at {own.frequency_Hz:.4g} Hz {why}: its envelope is "
+                     f"{steady:.2f}, 1 is steady, 2 random; record longer")  # fmt: skip
     random = "random, as of a structure that noise shakes"
     what = random if steady >= MIDPOINT else "too short for chatter"
-    sure = float(beta.ppf(0.05, count / 2 + 0.5, 0.5))
-    return _with(own, verdict="stable", kind="", confidence=sure,
-                 why=f"the line at {f_c:.4g} Hz is {what}")  # fmt: skip
+    return _with(own, verdict="stable", kind="", confidence=_agree(cut.sum(), cut.sum()),
+                 why=f"the line at {own.frequency_Hz:.4g} Hz is {what}")  # fmt: skip
+
+
+def _agree(agreeing: int, segments: int) -> float:
+    """Lower end of Jeffreys' interval of the share of half-overlapping segments that agree [1]."""
+    from scipy.stats import beta
+
+    return float(beta.ppf(0.05, agreeing / 2 + 0.5, (segments - agreeing) / 2 + 0.5))
 
 
 def _longest_run(there: Bools) -> Ints:
