@@ -226,6 +226,8 @@ def test_a_dead_sensor_and_two_tools_say_nothing_of_a_trend() -> None:
 
 DRIFTS = "2026-01-21"
 """Day on which the sensor of the spindle drifts by 15 K."""
+SHORT, LACKING = "2026-01-19", "2026-01-22"
+"""Day of one row, and day whose log has a gap and no load of the spindle."""
 
 
 @pytest.fixture(scope="module")
@@ -239,6 +241,11 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     day = pd.read_parquet(clean / f"state/{DRIFTS}.parquet")
     day["spindle_temperature"] += np.linspace(0, 15, len(day))
     day.to_parquet(clean / f"state/{DRIFTS}.parquet")
+    pd.read_parquet(clean / f"state/{SHORT}.parquet").iloc[:1].to_parquet(
+        clean / f"state/{SHORT}.parquet"
+    )
+    gaps = pd.read_parquet(clean / f"state/{LACKING}.parquet").drop(columns="spindle_load")
+    gaps.drop(gaps.index[1000:5000]).to_parquet(clean / f"state/{LACKING}.parquet")
     kinds = {"start": "datetime64[ns, UTC]", "end": "datetime64[ns, UTC]", "kind": object}
     pd.DataFrame({name: [] for name in kinds}).astype(kinds).to_parquet(clean / "segments.parquet")
     (root / "data/raw" / machine).mkdir(parents=True)
@@ -269,10 +276,14 @@ def test_the_stage_writes_every_row_and_says_why_a_value_is_null(written: Path) 
             assert one.known_s[name] == known
             assert (name in one.unknown) == (one.known_s[name] == 0)
         sealed = day == bundled_project.SEALED
-        assert (one.role == "sealed") == sealed == (one.known_s["spindle_temperature"] == 0)
+        assert (one.role == "sealed") == sealed
+        unknown = sealed or day in (SHORT, LACKING)
+        assert (one.known_s["spindle_temperature"] == 0) == unknown
         assert table["spindle_temperature_measured"].null_count < table.num_rows
         if sealed:
             assert one.unknown["spindle_temperature"] == "sealed: not looked at"
+    assert "no working day" in state.days[SHORT].unknown["spindle_temperature"]
+    assert "spindle_load" in state.days[LACKING].unknown["spindle_temperature"]
     assert table.schema.field("tangential_force_low").metadata == {b"unit": b"NEWTON"}
     assert "two training days" in state.temperature_interval_unknown
     with pytest.raises(StoreError, match=r"2026-02-01\.parquet does not exist"):
