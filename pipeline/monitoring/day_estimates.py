@@ -15,16 +15,18 @@ feed is e = v (1 - k_ff) / K_v (Sim2023).
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from pipeline.monitoring.nightly import ServingModel
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import NoLoadPoint
-from pipeline.schema.si import MINUTE
+from pipeline.schema.days import day_start
+from pipeline.schema.si import MINUTE, NS
 from pipeline.schema.twin_state import AXES, CONTEXT, MODES
 from pipeline.schema.verdict import widest
 from pipeline.signals.cleaning.settings import CleanSettings
@@ -79,24 +81,29 @@ class DayRows:
     """Rows of a day's clean table, T of them."""
 
     day: str
-    table: pa.Table
-    seconds: Floats
-    """Time since the day's midnight [s]; shape (T,)."""
+    frame: pd.DataFrame
+    """The rows, by their time in the zone of the plant."""
     segments: pa.Table
     cleaning: CleanSettings
 
+    @cached_property
+    def seconds(self) -> Floats:
+        """Time since the day's midnight [s]; shape (T,)."""
+        index = pd.DatetimeIndex(self.frame.index)
+        return (index.as_unit("ns").asi8 - day_start(self.day, str(index.tz))) / NS
+
     def number(self, name: str) -> Floats:
         """A column of numbers, NaN where it is not known or not recorded; shape (T,)."""
-        if name not in self.table.column_names:
-            return np.full(len(self.seconds), np.nan)
-        return np.array(self.table[name].to_numpy(zero_copy_only=False), dtype=np.float64)
+        if name not in self.frame:
+            return np.full(len(self.frame), np.nan)
+        return self.frame[name].to_numpy(np.float64, copy=True, na_value=np.nan)
 
     def words(self, name: str) -> tuple[list[str], Any]:
         """Different words of a column, and the place of each row's among them, -1 for none."""
-        if name not in self.table.column_names:
-            return [], np.full(len(self.seconds), -1)
-        coded = self.table[name].combine_chunks().cast(pa.string()).dictionary_encode()
-        return coded.dictionary.to_pylist(), pc.fill_null(coded.indices, -1).to_numpy()
+        if name not in self.frame:
+            return [], np.full(len(self.frame), -1)
+        place, words = pd.factorize(self.frame[name])
+        return [str(word) for word in words], place
 
     def modes(self) -> Any:
         """Place in ``MODES`` of each row's mode, -1 where it is not known; shape (T,).
@@ -104,7 +111,7 @@ class DayRows:
         That is the kind of its segment; a tool change is where the spindle stands in a running
         program about a change of the tool's number.
         """
-        time = self.table["time"].cast(pa.int64()).to_numpy()
+        time = pd.DatetimeIndex(self.frame.index).as_unit("ns").asi8
         start, end = (self.segments[k].cast(pa.int64()).to_numpy() for k in ("start", "end"))
         kinds = [MODES.index(k) if k in MODES else -1 for k in self.segments["kind"].to_pylist()]
         place = np.searchsorted(start, time, side="right") - 1
@@ -141,8 +148,8 @@ def day_state(rows: DayRows, given: Estimators) -> tuple[Values, Reasons]:
     mode = rows.modes()
     settle_s = given.power.records.settle_s if given.power else SpindleLoadRecords.settle_s
     steady = settled(rows.seconds, rows.number("spindle_speed"), settle_s=settle_s)
-    values = {name: rows.number(name) if unit else rows.table[name].combine_chunks()
-              for name, unit in CONTEXT.items() if name in rows.table.column_names}  # fmt: skip
+    values: Values = {name: rows.number(name) if unit else rows.frame[name]
+                      for name, unit in CONTEXT.items() if name in rows.frame}  # fmt: skip
     powers = spindle_powers(rows, given, steady, mode)
     reasons: Reasons = {}
     for columns, why in (
@@ -151,9 +158,7 @@ def day_state(rows: DayRows, given: Estimators) -> tuple[Values, Reasons]:
         values |= columns
         reasons |= why
     values["spindle_steady"] = steady
-    values["mode"] = pa.DictionaryArray.from_arrays(
-        pa.array(mode, pa.int32(), mask=mode < 0), pa.array(MODES)
-    )
+    values["mode"] = pd.Categorical.from_codes(mode, MODES)
     return values, reasons
 
 

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.monitoring.budget import MonitoringSettings
@@ -19,13 +18,10 @@ from pipeline.monitoring.day_estimates import (
 )
 from pipeline.monitoring.nightly import serving_models
 from pipeline.monitoring.recorded_state import force_check, recorded_trends
-from pipeline.schema.days import day_start, zone_of
+from pipeline.schema.days import zone_of
 from pipeline.schema.golden import GoldenSets
-from pipeline.schema.si import NS
 from pipeline.schema.store import write_json
 from pipeline.schema.twin_state import (
-    AXES,
-    CONTEXT,
     DAYS,
     MANIFEST,
     QUANTITIES,
@@ -35,7 +31,7 @@ from pipeline.schema.twin_state import (
     write_day,
 )
 from pipeline.signals.cleaning.settings import CleanSettings
-from pipeline.signals.windows import state_days
+from pipeline.signals.windows import read_state, state_days
 from pipeline.submodels.cases import Records, Roles, files_of_day, role_of
 
 
@@ -59,15 +55,7 @@ def write_twin_state(
                    for day in state_days(clean)}  # fmt: skip
 
     def rows_of(day: str) -> DayRows:
-        path = clean / "state" / f"{day}.parquet"
-        positions = {f"{a}_{kind}position" for a in AXES for kind in ("", "commanded_")}
-        wanted = {"time", "spindle_temperature", *CONTEXT, *positions}
-        table = pq.read_table(path, columns=[n for n in pq.read_schema(path).names if n in wanted])
-        time = table["time"].cast(pa.timestamp("ns", tz=zone))
-        table = table.set_column(table.column_names.index("time"), "time", time)
-        since = time.cast(pa.int64()).to_numpy() - day_start(day, zone)
-        return DayRows(day=day, table=table, seconds=since / NS, segments=segments,
-                       cleaning=cleaning)  # fmt: skip
+        return DayRows(day=day, frame=read_state(clean, day), segments=segments, cleaning=cleaning)
 
     given = Estimators(
         serving=serving, power=spindle_power(serving.get("cutting")), diameters=tools,
@@ -80,7 +68,7 @@ def write_twin_state(
     for day, role in role_by_day.items():
         rows = rows_of(day)
         columns, reasons = day_state(rows, given)
-        write_day(rows.table["time"].combine_chunks(), columns, day_path(out, day))
+        write_day(rows.frame.index, columns, day_path(out, day))
         known_s = {name: float(np.isfinite(columns.get(f"{name}_estimated", np.nan)).sum())
                    * cleaning.period_s for name in QUANTITIES}  # fmt: skip
         days[day] = StateDay(

@@ -112,18 +112,22 @@ def day_path(folder: Path, day: str) -> Path:
     return folder / DAYS / f"{day}.parquet"
 
 
-def write_day(time: "pa.Array", values: Mapping[str, Any], path: Path) -> None:
-    """Store a day: ``values`` by :func:`columns`, (T,) each, null where one is missing."""
+def write_day(time: Any, values: Mapping[str, Any], path: Path) -> None:
+    """Store a day: ``values`` by :func:`columns`, (T,) each, null where one is missing.
+
+    ``time`` (T,) is an index of times with the zone of the plant.
+    """
     import pyarrow as pa
 
-    fields, arrays = [pa.field("time", time.type, nullable=False)], [time]
+    arrays, fields = [pa.array(time.as_unit("ns"))], []
     for name, unit in columns().items():
-        kind = pa.float32() if unit else pa.bool_()
-        kind = pa.dictionary(pa.int32(), pa.string()) if name in WORDS else kind
+        kind = pa.float32() if unit else pa.string() if name in WORDS else pa.bool_()
         one = values.get(name)
-        fields.append(pa.field(name, kind, metadata={"unit": unit}))
-        arrays.append(pa.nulls(len(time), kind) if one is None else one.cast(kind) if name in WORDS
-                      else pa.array(one, kind, from_pandas=True))  # fmt: skip
+        array = (pa.nulls(len(time), kind) if one is None
+                 else pa.array(one, from_pandas=True).cast(kind))  # fmt: skip
+        arrays.append(array.dictionary_encode() if name in WORDS else array)
+        fields.append(pa.field(name, arrays[-1].type, metadata={"unit": unit}))
+    fields = [pa.field("time", arrays[0].type, nullable=False), *fields]
     write_table(pa.Table.from_arrays(arrays, schema=pa.schema(fields)), path)
 
 

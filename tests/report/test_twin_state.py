@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 from report_folders import empty_machine
 
 from pipeline.charts.sections import Figures
@@ -31,7 +30,6 @@ DAYS = ("2025-12-01", "2026-01-05", "2026-01-09")
 def state(folder: Path, *, low: bool = True) -> TwinState:
     """Two hours on each of three days; tool 4 cuts at 200 N, tool 7 for five seconds."""
     tool = np.array(["4"] * (N - 5) + ["7"] * 5)
-    codes, words = pd.factorize(tool)
     force = np.where(np.arange(N) < 3600, np.nan, 200.0)
     for day in DAYS:
         time = pd.date_range(f"{day}T08:00", periods=N, freq="s", tz="UTC").as_unit("ns")
@@ -40,8 +38,8 @@ def state(folder: Path, *, low: bool = True) -> TwinState:
         values = {f"spindle_temperature_{k}": np.full(N, v) for k, v in heat.items()}
         values |= {f"tangential_force_{k}": force * s
                    for k, s in (("estimated", 1.0), ("low", 0.9), ("high", 1.1))}  # fmt: skip
-        values["tool_number"] = pa.DictionaryArray.from_arrays(pa.array(codes, pa.int32()), words)
-        write_day(pa.array(time), values, day_path(folder, day))
+        values["tool_number"] = tool
+        write_day(time, values, day_path(folder, day))
     known = dict.fromkeys(QUANTITIES, 0.0) | {"tangential_force": 3600.0}
     one = StateDay(role="held_out", seconds=N, unknown={}, known_s=known)
     found = TwinState(
