@@ -158,7 +158,7 @@ def day_state(rows: DayRows, given: Estimators) -> tuple[Values, Reasons]:
         values |= columns
         reasons |= why
     values["spindle_steady"] = steady
-    values["mode"] = pd.Categorical.from_codes(mode, MODES)
+    values["mode"] = pd.Categorical.from_codes(mode, pd.Index(MODES))
     return values, reasons
 
 
