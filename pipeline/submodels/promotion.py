@@ -275,7 +275,7 @@ def first_rules(
         _rule("unseen", [(True, word) for one in contests for word in one.learnt]),
         _rule("canaries", [(True, f"{one.submodel}: {word}")
                            for one in contests for word in one.canaries]),
-        _rule("no new failure", _failures(contests, champion, challenger, served)),
+        _rule("no new failure", _failures(contests, challenger, served)),
         _not_worse("not worse", contests, served),
         _not_worse("newest day", newest, served),
         _better(contests, champion, challenger, served),
@@ -303,25 +303,15 @@ def _rule(name: RuleName, said: Iterable[Said], figures: Sequence[Compared] = ()
                 figures=tuple(figures))  # fmt: skip
 
 
-def _failures(
-    contests: Sequence[Contest], champion: Bundle, challenger: Bundle, served: set[str]
-) -> Iterator[Said]:
-    """Failures of the challenger; those of the champion, or of what does not serve, are said."""
+def _failures(contests: Sequence[Contest], challenger: Bundle, served: set[str]) -> Iterator[Said]:
+    """Failures of what serves; those that the champion has as well are said and break nothing."""
     changed = {one.submodel: one for one in contests}
     for name, one in challenger.submodels.items():
         again = changed[name].challenger if name in changed else one.status
-        if one.status not in LACKING and again not in LACKING:
+        if name not in served or (one.status not in LACKING and again not in LACKING):
             continue
-        before = champion.submodels.get(name)
-        if before is None:
-            yield False, f"{name} is new, {one.status}, and does not serve"
-        elif before.sha256 == one.sha256:
+        if name not in changed:
             yield False, f"{name} is {one.status}, the same model as the champion's"
-        elif name not in served:
-            yield (
-                False,
-                f"{name} is {one.status}, {before.status} in the champion, and serves neither",
-            )
         elif changed[name].champion in LACKING:
             yield False, f"{name} is {one.status} in both"
         else:
