@@ -608,7 +608,7 @@ def test_days_and_what_counts_as_a_whole_are_in_the_hash() -> None:
 
 
 def test_which_set_is_named_first_does_not_matter() -> None:
-    """A log by its days in one set, and a part of it by a column, which has no days, in the other."""
+    """A log by its days in one set, a part of it by a column, which has none, in the other."""
     known: dict[str, dict[str, str]] = {"a.csv": {"last": f"{MONDAY}T15:00:00Z"}}
     one, other = (
         FrozenSet(files=(SourceFile(file=name, sha256="0"),), days=Days(first=day, last=day))
