@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.schema.arrays import Floats, Ints
+from pipeline.schema.predictions import BASELINE
 from pipeline.schema.verdict import Canary, Role
 from pipeline.submodels import scoring
 from pipeline.submodels.contract import Prediction, SeenInputs, Target
@@ -108,7 +109,7 @@ def _of_predictions(frame: pd.DataFrame, targets: Sequence[Target], deciding: Ro
     checked, found = 0, []
     if len(frame):
         needed = {"case", "quantity", "regime", "scored", "measured", "predicted"}
-        needed |= {scoring.BASELINE + name for target in targets for name in target.must_beat}
+        needed |= {BASELINE + name for target in targets for name in target.must_beat}
         frame = frame.loc[frame["role"] == deciding, frame.columns.isin(list(needed))]
     for target in targets:
         rows = scoring.scored_rows(frame, target)
