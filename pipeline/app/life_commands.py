@@ -126,7 +126,8 @@ def history(
         str | None, typer.Option("--machine", "-m", help="Machine; every one by default.")
     ] = None,
     at: Annotated[
-        str | None, typer.Option(help="Who served at this time, as 2026-03-01T06:00Z.")
+        str | None,
+        typer.Option(help="Who served at 2026-03-01T06:00Z, or on the day 2026-03-01."),
     ] = None,
     json: kerf.Json = None,
 ) -> None:
@@ -154,5 +155,5 @@ def delete(
 
     with one_sentence():
         check_machine(machine)
-        delete_version(machine, version, why=why)
-    typer.echo(f"{machine}: version {version} is deleted; {COMMIT}")
+        freed = delete_version(machine, version, why=why) / 1e6
+    typer.echo(f"{machine}: version {version} is deleted, {freed:.1f} MB are free; {COMMIT}")

@@ -11,6 +11,7 @@ from pipeline.champions.serving import (
     fill_champion,
     made_with,
     names_of,
+    numbers_of,
     params_of,
     promotion_settings,
     serving_of,
@@ -64,7 +65,8 @@ def decide(
     number = next((v.version for v in versions(machine, root) if v.bundle == challenger.sha256), 0)
     if seal:
         made = partial(made_with, machine, names, root)
-        number = register(challenger, folder, root, made_with=made).version
+        known = numbers_of(machine, root)
+        number = register(challenger, folder, root, made_with=made, numbers=known).version
         if to is None:
             name_versions(machine, root, challenger=challenger.sha256)
     before = {name: one.sha256 for name, one in champion.submodels.items()}

@@ -4,7 +4,6 @@ The entry comes first and is what counts; files, ``champions.json`` and aliases 
 brought up by the next command where a run broke off between them.
 """
 
-import fcntl
 import getpass
 import hashlib
 import os
@@ -18,26 +17,29 @@ from typing import Any
 from pipeline.champions.serving import (
     DATA,
     bundle_place,
-    champion_in,
     champion_of,
     fill_champion,
     history_of,
     history_path,
+    locked,
     names_of,
     newest_bundle,
     promotion_settings,
     refilled,
 )
-from pipeline.registry.history import claim, delete_version, log_decision, server_history
+from pipeline.registry.history import claim, log_decision, server_history
+from pipeline.registry.loading import delete_version
 from pipeline.registry.provenance import CHAMPIONS, git
 from pipeline.registry.sqlite import Version
 from pipeline.registry.store import is_shared, name_versions, offline, versions
 from pipeline.schema.bundle import Champion, read_champions, stored_bundle, write_champions
 from pipeline.schema.decision import Decision
+from pipeline.schema.files import remove_folder
 from pipeline.schema.history import (
     SERVING,
     Entry,
     Event,
+    champion_in,
     document_of,
     hours_since,
     left_at,
@@ -168,9 +170,9 @@ def rollback(
         others = {e.bundle: e for e in served(history) if e.bundle not in (champion.bundle, *gone)}
         before = standing(history)[:-1] if to is None else others.values()
         back = [e for e in before if e.bundle in others
-                and to in (None, numbers.get(e.bundle, e.version))]  # fmt: skip
+                and to in (None, e.version, numbers.get(e.bundle))]  # fmt: skip
         if not back:
-            there = ", ".join(str(numbers.get(e.bundle, e.version)) for e in others.values())
+            there = ", ".join(str(e.version) for e in others.values())
             which = f"no version served {machine} before version {champion.version}"
             if to is not None:
                 which = f"version {to} of {machine} never served beside the present one"
@@ -200,8 +202,10 @@ def delete(
     why: str,
     by: str = "",
     now: datetime | None = None,
-) -> None:
-    """Take a version out of the registry, unless it serves, is warm, or is a reference.
+) -> int:
+    """Take a version, with its files, out of the registry; bytes that are free by it.
+
+    It stays where it serves, is warm, or is a reference.
 
     Raises ValueError when it is one of these, or there is no such version or reason.
     """
@@ -216,7 +220,10 @@ def delete(
             raise ValueError(f"version {version} of {machine} {reason}: it cannot be deleted")
         _added(machine, root, event="deleted", version=version, bundle=found[0].bundle,
                at=moment, by=by, why=why)  # fmt: skip
-        delete_version(found[0], root)
+        warm = root / DATA / "warm" / machine
+        there = stored_bundle(warm, machine)
+        freed = remove_folder(warm) if there and there.sha256 == found[0].bundle else 0
+        return freed + delete_version(found[0], root)
 
 
 def retained(version: Version, root: Path, moment: str) -> str:
@@ -257,12 +264,12 @@ def events(machine: str, root: Path = Path()) -> tuple[Entry, ...]:
 
 @contextmanager
 def changing(machine: str, root: Path) -> Iterator[None]:
-    """Hold a machine for one change; first whatever broke off, or others did, is brought up."""
-    (root / DATA).mkdir(parents=True, exist_ok=True)
-    with (root / DATA / f".{machine}.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        names = names_of(machine, root)
-        refilled(machine, names, root)
+    """Hold a machine for one change; first whatever broke off, or others did, is brought up.
+
+    Raises ValueError where the server of a shared registry does not answer.
+    """
+    refilled(machine, names_of(machine, root), root)
+    with locked(machine, root):
         _take_over(machine, root)
         serving = served(history_of(machine, root))
         if not serving and machine in read_champions(root / CHAMPIONS).machines:
@@ -325,11 +332,13 @@ def _added(machine: str, root: Path, document: str = "", *, event: Event, **fiel
 
 def _note_present(machine: str, root: Path) -> None:
     """Bring champions.json to the history: what serves, and the hash of the last entry."""
-    entries, champions = history_of(machine, root), read_champions(root / CHAMPIONS)
-    for last in served(entries)[-1:]:
-        wanted = champions.promoted(machine, champion_in(last), entries[-1].sha256)
-        if wanted != champions:
-            write_champions(wanted, root / CHAMPIONS)
+    entries = history_of(machine, root)
+    with locked("champions", root):
+        champions = read_champions(root / CHAMPIONS)
+        for last in served(entries)[-1:]:
+            wanted = champions.promoted(machine, champion_in(last), entries[-1].sha256)
+            if wanted != champions:
+                write_champions(wanted, root / CHAMPIONS)
 
 
 def _beginning(machine: str, root: Path) -> tuple[Entry, ...]:

@@ -29,7 +29,7 @@ from pipeline.champions.serving import champion_of, history_of, history_path, ke
 from pipeline.registry.store import client_of, model_name, versions
 from pipeline.schema.bundle import Served, bundle_of, read_champions
 from pipeline.schema.decision import Decision
-from pipeline.schema.history import document_of, looks, served_until, serving_at
+from pipeline.schema.history import document_of, looks, served_until, serving_during
 from pipeline.schema.store import StoreError, read_json, write_json
 from pipeline.schema.verdict import Canary, Verdict
 from tests.bundled_project import GOLDEN, MACHINE, project, quick_stores, source, spindle
@@ -225,8 +225,9 @@ def test_a_better_spindle_serves_beside_an_old_failure_comes_back_and_all_is_tol
     until = [served_until(entries, one) for one in entries]
     assert until == [*(one.at for one in entries[1:]), ""]
     assert [looks(entries, one) for one in entries] == [0, 1, 1, 1]
-    served = [serving_at(events(MACHINE, root), f"2026-03-0{day}T13:00:00Z") for day in (1, 4, 6)]
-    assert [one.version for one in served if one] == [2, 1, 2]
+    moments = [f"2026-03-0{day}T13:00:00Z" for day in (1, 4, 6)]
+    served = [serving_during(entries, at, at) for at in moments]
+    assert [[one.version for one in some] for some in served] == [[2], [1], [2]]
 
 
 def test_what_serves_served_of_late_or_is_a_reference_cannot_be_deleted(root: Path) -> None:
@@ -239,7 +240,13 @@ def test_what_serves_served_of_late_or_is_a_reference_cannot_be_deleted(root: Pa
     with pytest.raises(ValueError, match="is a reference"):
         delete(MACHINE, 1, root, why="room", now=at(100))
     client_of(root).delete_registered_model_alias(model_name(MACHINE), "reference")
-    delete(MACHINE, 1, root, why="room", by="Kim", now=at(100))
+    places = [Path(v.place.removeprefix("file://")).parent.name for v in versions(MACHINE, root)]
+    folders = [root / "mlartifacts/models" / name for name in places]
+    size = sum(one.stat().st_size for folder in (folders[0], root / f"data/warm/{MACHINE}")
+               for one in folder.rglob("*") if one.is_file())  # fmt: skip
+    assert delete(MACHINE, 1, root, why="room", by="Kim", now=at(100)) == size > 1e6
+    assert [one.exists() for one in folders] == [False, True]
+    assert not (root / f"data/warm/{MACHINE}").exists()
     assert [v.version for v in versions(MACHINE, root)] == [2]
     assert history_of(MACHINE, root)[-1].event == "deleted"
     with pytest.raises(ValueError, match="has no version 9"):
@@ -283,9 +290,18 @@ def test_the_last_line_and_the_decisions_are_guarded_too(root: Path) -> None:
                 read(MACHINE, root)
     path.write_text(lines)
     document = document_of(path, history_of(MACHINE, root)[-1])
-    document.write_text(document.read_text().replace("new oil", "old oil"))
+    said = document.read_text()
+    document.write_text(said.replace("new oil", "old oil"))
     with pytest.raises(StoreError, match=r"0002.json is not the decision that .*line 2 names"):
         judged(MACHINE, root)
+    document.unlink()
+    with pytest.raises(StoreError, match=r"0002.json does not exist: restore it with `git ch"):
+        judged(MACHINE, root)
+    document.write_text(said)
+    chosen = root / "champions.json"
+    chosen.write_text(chosen.read_text().replace('"version": 2', '"version": 7'))
+    with pytest.raises(StoreError, match=r"does not name version 2 as champion of mill01 "):
+        champion_of(MACHINE, root)
 
 
 def test_a_rollback_to_what_served_against_the_rules_says_so(root: Path) -> None:
