@@ -214,7 +214,7 @@ def golden(
     Without days and files it shows what is frozen, by sub-model.
     """
     from pipeline.app.frozen_cases import frozen_cases, frozen_text, split_sets
-    from pipeline.app.golden_sets import freeze_set, learnt_and_frozen
+    from pipeline.app.golden_sets import chosen_set, freeze, learnt_and_frozen
 
     def asked(question: str) -> bool:
         return again or (sys.stdin.isatty() and typer.confirm(question, err=True))
@@ -231,9 +231,8 @@ def golden(
             for line in frozen_text(found):
                 to.say(line)
             return
-        frozen = freeze_set(
-            machine, first=first, last=last, files=files or (), sealed=sealed, again=asked
-        )
+        frozen = chosen_set(machine, first=first, last=last, files=files or ())
+        freeze(machine, {"sealed" if sealed else "golden": frozen}, asked)
         if warning := learnt_and_frozen(machine, frozen):
             typer.echo(f"kerf: {warning}", err=True)
         about = {"machine": machine, "set": "sealed" if sealed else "golden"}

@@ -335,8 +335,9 @@ def write_report(out: Path) -> Path:
         signals=DATA / "signals", clean=DATA / "clean", models=DATA / "models",
         champion=DATA / "champion", golden=DATA / "golden", truth=DATA / "truth",
         programs=DATA / "programs", parts=DATA / "parts", trials=DATA / "trials",
-        history=DATA / "history", ledger=DATA / "ledger", settings=SETTINGS / HASHES, reports=out,
-        metrics=out / "metrics.json", fleet=structure(values, "fleet", Fleet),
+        history=DATA / "history", ledger=DATA / "ledger", twin_state=DATA / "twin_state",
+        settings=SETTINGS / HASHES, reports=out, metrics=out / "metrics.json",
+        fleet=structure(values, "fleet", Fleet),
         budget=structure(values, "budget", str), pages=structure(values, "pages", ReportSettings),
     )  # fmt: skip
     return out / "index.html"

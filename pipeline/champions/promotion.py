@@ -48,10 +48,22 @@ from pipeline.schema.history import (
     standing,
     write_history,
 )
-from pipeline.schema.store import json_text, write_text
+from pipeline.schema.store import json_text, read_json, write_text
 
 REFERENCE = "reference"
 """Alias of a version that is kept as a reference."""
+
+
+class RefusedError(ValueError):
+    """A challenger that the rules of the gate refuse, with the decision."""
+
+    def __init__(self, decision: Decision, document: Path, unnoted: str) -> None:
+        super().__init__(
+            f"version {decision.challenger.version} of {decision.machine} may not serve in the "
+            f"place of version {decision.champion.version} by {decision.broken}: mend that, or "
+            f"promote it with --anyway; {document} holds the decision{unnoted}"
+        )
+        self.decision = decision
 
 
 def person(root: Path) -> str:
@@ -88,8 +100,8 @@ def promote(
 
     ``why`` goes into the history; ``by`` is git's user where it is empty; ``anyway`` lets one serve
     against the rules; ``now`` is the time of the entry.  The decision is stored either way.
-    Raises ValueError when there is no reason, no challenger or no such version, when the rules
-    refuse it, and when somebody else promoted another meanwhile.
+    Raises RefusedError when the rules refuse it, and ValueError when there is no reason, no
+    challenger or no such version, and when somebody else promoted another meanwhile.
     """
     from pipeline.champions.challenge import decide
 
@@ -98,13 +110,13 @@ def promote(
     with changing(machine, root):
         decision, sealed = decide(machine, champion_of(machine, root), root, to=to, anyway=anyway)
         decision = replace(decision, at=at, by=by, why=why)
-        document = json_text(decision)
+        text = json_text(decision)
         entry = _added(
-            machine, root, document, event="promoted" if decision.promoted else "refused",
+            machine, root, text, event="promoted" if decision.promoted else "refused",
             version=decision.challenger.version, bundle=decision.challenger.bundle, at=at, by=by,
             why=why, serving=decision.serving if decision.promoted else (), sealed=sealed,
             anyway=decision.overridden, rules=decision.objections,
-            decision=hashlib.sha256(document.encode()).hexdigest(),
+            decision=hashlib.sha256(text.encode()).hexdigest(),
         )  # fmt: skip
         known = [v for v in versions(machine, root) if v.bundle == entry.bundle]
         unnoted = ""
@@ -113,14 +125,22 @@ def promote(
         except ValueError as error:  # the entry counts, MLflow's note of it does not
             unnoted = f"; only MLflow has no note of it: {error}"
         if not decision.promoted:
-            raise ValueError(
-                f"version {entry.version} of {machine} may not serve: {decision.objections}; "
-                f"`kerf history -m {machine}` holds it{unnoted}"
-            )
+            document = document_of(history_path(machine, root), entry)
+            raise RefusedError(decision, document.relative_to(root), unnoted)
         champion = _carried_out(entry, root)
         if unnoted:
             raise ValueError(f"version {entry.version} of {machine} serves{unnoted}")
         return champion
+
+
+def decided(machine: str, root: Path = Path()) -> Decision:
+    """Document of the machine's last decision.
+
+    Raises StoreError where there is none.
+    """
+    path, entries = history_path(machine, root), history_of(machine, root)
+    last = next((one for one in reversed(entries) if one.decision), entries[-1])
+    return read_json(document_of(path, last), Decision)
 
 
 def rollback(

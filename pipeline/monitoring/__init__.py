@@ -1,7 +1,7 @@
-"""Drift of the models that serve: each night's errors against an error budget, and why they rise.
+"""Drift of the models that serve, and the state that they estimate over production records.
 
 Errors come from the contract of a sub-model, times from the records, limits from its targets; the
 sequential test is Page and Hinkley's (E. S. Page, Biometrika 41, 1954), from the library river.
 """
 
-__all__ = ["budget", "drift", "nightly", "reasons"]
+__all__ = ["budget", "drift", "nightly", "reasons", "state"]

@@ -28,7 +28,7 @@ from pipeline.schema.model import Model
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 from pipeline.submodels.cases import Case, Cases, Records, nights
-from pipeline.submodels.contract import SubModel, judging_of, submodel
+from pipeline.submodels.contract import Predictor, SubModel, judging_of, submodel
 from pipeline.submodels.judge import Judged, judge
 from pipeline.submodels.scoring import ALL, scored_rows
 
@@ -56,6 +56,11 @@ class ServingModel:
         return read_json(self.folder / MODEL, self.one.model)
 
     @cached_property
+    def predictor(self) -> Predictor:
+        """Prediction of a case: the one way in which the champion is asked for a day."""
+        return self.one.load(self.folder, self.judging)
+
+    @cached_property
     def verdict(self) -> Verdict:
         """Its verdict; StoreError where the file is missing."""
         return read_json(self.folder / VERDICT, Verdict)
@@ -78,6 +83,21 @@ class ServingModel:
         return any(date.fromisoformat(one).weekday() == weekday for one in self.learnt)
 
 
+def serving_models(
+    champion: Path, values: dict[str, Any], settings: MonitoringSettings
+) -> dict[str, ServingModel]:
+    """Sub-models that the bundle in ``champion`` holds, by name; none where nothing serves."""
+    bundle = stored_bundle(champion, champion.name)
+    found = {}
+    for name, held in () if bundle is None else bundle.submodels.items():
+        one = submodel(name)
+        found[name] = ServingModel(
+            one=one, folder=champion / name, judging=judging_of(one, values, champion.name),
+            settings=settings, bundle=bundle.sha256 if bundle else "", sha256=held.sha256,
+        )  # fmt: skip
+    return found
+
+
 def score_nights(
     champion: Path,
     records: Records,
@@ -91,16 +111,10 @@ def score_nights(
 
     ``values`` are the parameters, as :func:`pipeline.parameters.read_params` gives them.
     """
-    bundle = stored_bundle(champion, champion.name)
     found: list[Night] = []
-    for name, held in () if bundle is None else bundle.submodels.items():
-        one = submodel(name)
-        serving = ServingModel(
-            one=one, folder=champion / name, judging=judging_of(one, values, champion.name),
-            settings=settings, bundle=bundle.sha256 if bundle else "", sha256=held.sha256,
-        )  # fmt: skip
+    for serving in serving_models(champion, values, settings).values():
         if serving.budgets:
-            cases = one.cases(records, serving.judging, sets)
+            cases = serving.one.cases(records, serving.judging, sets)
             each = _nights(serving, cases, records, sets)
             found += scored(serving, each, known, cases.absent)
     return tuple(sorted(found, key=lambda night: night.night))
@@ -123,12 +137,11 @@ def scored(
            if (night, _digest(group) if night == last else "") not in held]  # fmt: skip
     if not new:
         return []
-    predictor = serving.one.load(serving.folder, serving.judging)
     is_net = bool(serving.one.curves(serving.folder))
     found: list[Night] = []
     for night, group in new:
         judged = judge(
-            serving.model, predictor, Cases(cases=group),
+            serving.model, serving.predictor, Cases(cases=group),
             [budget.target for budget in serving.budgets.values()],
             sets=None, files={}, roles=("held_out",),
         )  # fmt: skip

@@ -27,6 +27,7 @@ from pipeline.report.part_programs import part_key_figures, part_programs_sectio
 from pipeline.report.programs.simulated import programs_section
 from pipeline.report.records import records_section
 from pipeline.report.texts import ENGLISH
+from pipeline.report.twin_state import twin_state_section
 from pipeline.report.work_section import work_section
 from pipeline.schema.bundle import MODEL, VERDICT
 from pipeline.schema.model import SourceFile
@@ -229,6 +230,7 @@ def _life_page(facts: MachineFacts) -> list[EvidencePage]:
 def _records_page(facts: MachineFacts, changed: Section, notes: list[str]) -> EvidencePage:
     sections = [
         work_section(facts.work, facts.day_uses),
+        twin_state_section(facts.folders, facts.shelf),
         alarms_section(facts.alarms),
         records_section(facts.records),
         _missing_section(facts),

@@ -26,5 +26,6 @@ __all__ = [
     "ranges",
     "si",
     "store",
+    "twin_state",
     "verdict",
 ]

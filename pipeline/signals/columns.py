@@ -56,6 +56,9 @@ def _axes() -> list[Column]:
         columns += [
             Column(name=f"{axis}_position", unit="MILLIMETER", meaning=f"actual position of {up}",
                    low=-1e5, high=1e5, factor=MM, between="linear"),
+            Column(name=f"{axis}_commanded_position", unit="MILLIMETER",
+                   meaning=f"commanded position of {up}", low=-1e5, high=1e5, factor=MM,
+                   between="linear"),
             Column(name=f"{axis}_feedrate", unit="MILLIMETER/SECOND",
                    meaning=f"feed rate of axis {up}", low=-5e3, high=5e3, factor=MM),
         ] if linear else [

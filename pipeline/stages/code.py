@@ -42,7 +42,7 @@ def stages(known: dict[str, Module], package: str) -> dict[str, list[str]]:
     return own
 
 
-OVER_ALL = {"champion", "nightly", "report"}
+OVER_ALL = {"champion", "nightly", "report", "state"}
 """Stages that look sub-models up by name."""
 
 

@@ -29,6 +29,7 @@ def report(
     trials: Path,
     history: Path,
     ledger: Path,
+    twin_state: Path,
     settings: Path,
     reports: Path,
     metrics: Path,
@@ -39,7 +40,7 @@ def report(
 ) -> None:
     """Write a page for the fleet and for each machine, with key figures and metrics."""
     folders = (signals, clean, models, champion, golden, truth, programs, parts, trials, history,
-               ledger, settings)  # fmt: skip
+               ledger, twin_state, settings)  # fmt: skip
     machines, info = machines_of(folders, fleet), info_of(fleet, budget)
     written = write_report(machines, info, reports, reports, metrics, say=texts(pages.language))
     kept = {path for page in written for path in (page, record_of(page))}
@@ -50,7 +51,7 @@ def report(
 def machines_of(folders: Sequence[Path], fleet: Fleet) -> list[MachineFolders]:
     """Folders of each machine of a fleet, from those that stage ``report`` reads, in its order."""
     signals, clean, models, champion, golden, truth, programs, parts, trials, *others = folders
-    history, ledger, settings = others
+    history, ledger, twin_state, settings = others
     machines = []
     identities = {name: _identity(signals / name / "manifest.json") for name in fleet.machines}
     for name, identity in identities.items():
@@ -71,6 +72,7 @@ def machines_of(folders: Sequence[Path], fleet: Fleet) -> list[MachineFolders]:
                 parts=parts / name,
                 history=history / f"{name}.jsonl",
                 ledger=ledger / f"{name}.jsonl",
+                twin_state=twin_state / name,
                 trial=trials / f"{name}.json" if name in fleet.trials else None,
                 corrected=trials / f"{name}_command_correction.json"
                 if name in fleet.trials

@@ -13,6 +13,7 @@ __all__ = [
     "cases",
     "conformal",
     "contract",
+    "cutting",
     "deformation",
     "following_residual",
     "judge",

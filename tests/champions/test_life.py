@@ -13,7 +13,11 @@ from pathlib import Path
 import pytest
 import yaml
 
+from pipeline.app.output import LOG
+from pipeline.app.programs import passed_status
 from pipeline.champions.promotion import (
+    RefusedError,
+    decided,
     delete,
     events,
     judged,
@@ -117,7 +121,7 @@ def test_each_is_refused_by_its_rule_and_the_history_tells_it(
     root: Path, error_K: float, change: Callable[[Verdict], Verdict] | None, rule: str
 ) -> None:
     challenged(root, error_K, change)
-    with pytest.raises(ValueError, match=f"rule '{rule}' is (broken|not decided): "):
+    with pytest.raises(RefusedError, match=f"version 1 by rules? .*'{rule}'"):
         promote(MACHINE, root, why="try", by="Kim", now=NOON)
     first, last = history_of(MACHINE, root)
     assert (first.event, last.event, last.version, last.sealed) == ("first", "refused", 2, "")
@@ -137,8 +141,41 @@ def test_one_that_was_fitted_on_the_golden_week_is_refused(root: Path) -> None:
     stored["trained_on"].append({"case": day, "group": day, "files": [
         {"file": source(day).file, "sha256": source(day).sha256}]})  # fmt: skip
     model.write_text(json.dumps(stored))
-    with pytest.raises(ValueError, match=f"rule 'unseen' is broken: spindle was fitted on {day}"):
+    with pytest.raises(RefusedError, match="version 1 by rules 'unseen', ") as refused:
         promote(MACHINE, root, why="try")
+    words = refused.value.decision.against[0].words
+    assert words == (f"spindle was fitted on {source(day).file} of the golden set",)
+
+
+def test_an_override_puts_into_service_what_it_names_alone(
+    root: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The spindle that fails anew serves by it, and the control that never served does not."""
+    challenged(root, 0.0, lambda verdict: replace(verdict, status="failed"))
+    now = promote(MACHINE, root, why="no other", by="Kim", anyway=True, now=NOON)
+    decision = decided(MACHINE, root)
+    assert now.serving == ("spindle",) and decision.overridden
+    assert (decision.unproven, decision.idle) == ("spindle failed", "control failed")
+    assert [one.name for one in decision.against] == ["no new failure", "better"]
+    monkeypatch.setattr(LOG, "propagate", True)
+    monkeypatch.chdir(root)
+    served = passed_status(Path(CHAMPION) / "spindle", "model of spindle", anyway=False)
+    assert served == "failed" and caplog.messages == [
+        "the model of spindle failed; it serves against the rules, by "
+        "--anyway, as Kim promoted version 2 on 2026-03-01T12:00:00Z: no other"
+    ]
+    for folder in (f"{CHAMPION}/control", f"{MODELS}/spindle"):
+        with pytest.raises(ValueError, match="mend that first, or use it with --anyway"):
+            passed_status(Path(folder), "model", anyway=False)
+
+
+def test_an_override_of_nothing_says_so_and_spends_no_look(root: Path) -> None:
+    first = promote(MACHINE, root, why="accepted", by="Kim", to=1, anyway=True, now=NOON)
+    decision = decided(MACHINE, root)
+    assert first.serving == ("spindle",) and decision.anyway and not decision.overridden
+    challenged(root, 2.0, None)
+    promote(MACHINE, root, why="try", by="Kim", anyway=True, now=at(1))
+    assert [entry.sealed for entry in history_of(MACHINE, root)] == ["", "", ""]
 
 
 def test_a_better_spindle_serves_beside_an_old_failure_comes_back_and_all_is_told(
@@ -154,7 +191,7 @@ def test_a_better_spindle_serves_beside_an_old_failure_comes_back_and_all_is_tol
     results = {one.name: one.result for one in decision.rules}
     assert results == dict.fromkeys(results, "kept") | {"newest day": "no data"}
     failing = next(one for one in decision.rules if one.name == "no new failure")
-    assert failing.words == ("control is failed, the same model as the champion's",)
+    assert failing.words == () and decision.idle == "control failed"
     assert len(entry.sealed) == 64 and not entry.anyway
     # what the registry holds of it
     (version,) = [v for v in versions(MACHINE, root) if v.version == 2]

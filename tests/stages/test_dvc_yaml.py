@@ -122,9 +122,10 @@ def test_a_fit_and_its_verdict_depend_on_what_is_frozen_of_their_machine(name: s
 def test_what_serves_is_scored_by_every_section_that_it_may_be_judged_by() -> None:
     """The night's stage looks sub-models and their limits up by name."""
     assert MACHINE_FILE in paths(definition("nightly")["deps"])
+    assert MACHINE_FILE in paths(definition("state")["deps"])
 
 
-FOR_ALL = ("ingest", "clean", "index", "champion", "nightly")
+FOR_ALL = ("ingest", "clean", "index", "champion", "nightly", "state")
 """Stages of every machine, whatever it has records for."""
 
 

@@ -55,6 +55,9 @@ class CleanMachine:
     """Signs of position control, for machines whose spindle also works as a C axis."""
     warm_up_programs: tuple[str, ...] = ()
     """Programs that only warm the machine up."""
+    tool_tables: tuple[str, ...] = ()
+    """Tables of ``conf/tool/`` with the tools that ``tool_number`` names; of the same number in two
+    tables the later one counts."""
     time_zone: str = UTC
     """Zone of the plant's clock, as ``America/New_York``: days, and golden sets with them, go from
     midnight to midnight of it."""
@@ -147,5 +150,5 @@ class CleanSettings(Ranged, section="cleaning"):
                 f"lookahead_s = {self.lookahead_s} s is shorter than off_after_s = "
                 f"{self.off_after_s} s; a day must see whether the machine goes on after midnight"
             )
-        if DAY % self.period_s:
+        if not (DAY / self.period_s).is_integer():
             raise ValueError(f"period_s = {self.period_s} s does not divide a day of 86400 s")

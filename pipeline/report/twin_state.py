@@ -1,0 +1,117 @@
+"""State of the twin on the page of records: temperature in its band, force of cutting by tool."""
+
+from collections.abc import Iterator
+from datetime import date, timedelta
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline.charts.bands import Axis, Strip, strips_figure
+from pipeline.charts.numbers import NARROW, counted, day_words, fixed, hours, number
+from pipeline.charts.sections import Figures, Section, drawing, present
+from pipeline.charts.sources import SourceRegistry
+from pipeline.charts.tables import sources
+from pipeline.report.folders import MachineFolders
+from pipeline.schema.twin_state import MANIFEST, QUANTITIES, TwinState, day_path
+
+MADE_FROM = "the champion and data/clean, by the stage state"
+SHOWN_DAYS, SHOWN_TOOLS = 7, 4
+"""Days up to the newest one, and tools of them that cut longest, in the figure."""
+LEAST_S = 10.0
+"""Least known time of a minute that counts [s]."""
+HEAT, FORCE = "spindle_temperature", "tangential_force"
+SHOWN = {HEAT: ("measured", "estimated", "low", "high"), FORCE: ("estimated", "low", "high")}
+"""Quantities of the figure with the parts that are drawn."""
+LEGEND = [
+    ("l-measured", "measured", "line"), ("l-window", "estimated", "line"),
+    ("s-band", "90 % interval of the estimate", "box"),
+]  # fmt: skip
+
+
+def twin_state_section(folders: MachineFolders, shelf: SourceRegistry) -> Section | None:
+    """What the champion estimates over the newest week; None where nothing was estimated."""
+    folder = folders.twin_state
+    state = None if folder is None else shelf.read(folder / MANIFEST, TwinState, MADE_FROM)
+    if folder is None or state is None or not (state.days or state.trends):
+        return None
+    week = _week(state, folder, shelf) if state.days else None
+    return Section(key="twin-state", title="State of the twin", text=list(_text(state)),
+                   blocks=present(week))  # fmt: skip
+
+
+def _week(state: TwinState, folder: Path, shelf: SourceRegistry) -> Figures | None:
+    """Temperature and force of the newest week; None where neither is known."""
+    first = date.fromisoformat(max(state.days)) - timedelta(days=SHOWN_DAYS - 1)
+    paths = [day_path(folder, day) for day in state.days if day >= first.isoformat()]
+    columns = [f"{name}_{part}" for name, parts in SHOWN.items() for part in parts]
+    wanted = ("time", "tool_number", *columns)
+    tables = [table for path in paths if (table := shelf.table(path, wanted, MADE_FROM))]
+    if not tables:
+        return None
+    rows = pd.concat([one.to_pandas() for one in tables]).set_index("time").tz_localize(None)
+    cut = rows[rows[f"{FORCE}_estimated"].notna()]
+    least = LEAST_S / state.period_s
+    strips = [_strip("Spindle temperature, °C", HEAT, rows, first, least)]
+    for tool in cut["tool_number"].value_counts().index[:SHOWN_TOOLS]:
+        own = cut[cut["tool_number"] == tool]
+        head = (f"Tangential force of tool {tool}, N: "
+                f"{fixed(float(own[f'{FORCE}_estimated'].median()), 0)} in the median")  # fmt: skip
+        strips.append(_strip(head, FORCE, own, first, least))
+    shown = [one for one in strips if one.curves]
+    caption = (
+        "Medians over minutes. The temperature is measured once at the beginning of each day and "
+        "estimated from speed and load from there on; the force is that of the spindle’s load, of "
+        "the tools that cut longest."
+    )
+    days = Axis(words="Time of the plant", span=(0.0, float(SHOWN_DAYS)), marks=[
+        (float(k), day_words((first + timedelta(days=k)).isoformat())) for k in range(SHOWN_DAYS)
+    ])  # fmt: skip
+    made = sources(shelf, folder / MANIFEST, *paths)
+    return drawing(strips_figure(shown, days, caption), caption, made, LEGEND) if shown else None
+
+
+def _strip(head: str, name: str, rows: pd.DataFrame, first: date, least: float) -> Strip:
+    """A quantity of the week by the minute; without a curve where it is not known."""
+    parts = rows[[f"{name}_{part}" for part in SHOWN[name]]].set_axis(SHOWN[name], axis=1)
+    minutes = parts.resample("1min")
+    shown = minutes.median().where(minutes.count() >= least)
+    x = ((shown.index.to_numpy() - np.datetime64(first)) / np.timedelta64(1, "D")).astype(float)
+    drawn = {part: shown[part].to_numpy(float) for part in SHOWN[name] if shown[part].notna().any()}
+    kinds = {"estimated": "window", "measured": "measured"}
+    return Strip(
+        head=head, height=160.0 if name == HEAT else 70.0, zero=name == FORCE,
+        unit=head.partition(", ")[2].partition(":")[0],
+        curves=[(kind, x, drawn[part]) for part, kind in kinds.items() if part in drawn],
+        areas=[("s-band", x, drawn["low"], drawn["high"])] if "low" in drawn else [],
+    )  # fmt: skip
+
+
+def _text(state: TwinState) -> Iterator[str]:
+    served = ", ".join(f"{name} {status}" for name, status in state.submodels.items())
+    yield f"What the models that serve estimate beside what was measured ({served or 'none'})."
+    if state.temperature_interval_unknown:
+        yield f"Spindle temperature: {state.temperature_interval_unknown}."
+    total = sum(day.seconds for day in state.days.values())
+    if total:
+        known = {name: sum(day.known_s[name] for day in state.days.values()) for name in QUANTITIES}
+        words = (f"{name.replace('_', ' ')} {hours(s)}{NARROW}h" for name, s in known.items() if s)
+        yield f"Of {hours(total)}{NARROW}h of records are known: {', '.join(words) or 'none'}."
+    if (force := state.force) is not None and force.mape_percent is not None:
+        yield (
+            f"In {counted(force.levels, 'cut')} of known engagement the force from the spindle’s "
+            f"load is off that of the dynamometer’s law by {number(force.mape_percent)}{NARROW}% "
+            f"in the mean; up to {number(force.most_percent)}{NARROW}% is allowed."
+        )
+    if state.trends:
+        channels = "; ".join(
+            f"{one.quantity.replace('_', ' ')} {fixed(one.correlation, 2)} "
+            f"({fixed(one.correlation_new_tool, 2)}) in {counted(one.recordings, 'cut')} of "
+            f"{counted(one.tools, 'tool')}{', ' * bool(one.reason)}{one.reason}"
+            for one in state.trends
+        )
+        yield (
+            "Vibration of recorded cuts correlates with what conditions, wear and the tool’s "
+            f"earlier cuts say (in brackets: of a new tool) by {channels}; more than "
+            f"{fixed(state.trends[0].least, 2)} is required."
+        )
