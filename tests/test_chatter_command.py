@@ -90,7 +90,7 @@ def test_a_spindle_that_creeps_or_runs_up_leaves_the_verdict(begins: Any, tmp_pa
                delimiter=",", header="time,acc,rpm", comments="", fmt="%.9g")  # fmt: skip
     found, text = judged(cut, "--speed", "rpm")
     assert found["verdict"] == "chatter"
-    assert found["begins_s"] == pytest.approx(4.0, abs=0.05)
+    assert found["begins_s"] == pytest.approx(4.0, abs=0.1)
     assert found["speed_rpm"] == pytest.approx(SPEED_RPM, rel=0.004)
     assert "of 7.0 s" in text and "the only stretch without a gap or another speed" in text
 
