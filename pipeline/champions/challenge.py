@@ -92,7 +92,7 @@ def decide(
     if not (seal and sets and sets.sealed and decision.may_serve):
         return decision, ""
     sealed = met("sealed")
-    last = sealed_rule(sealed)
+    last = sealed_rule(sealed, serving)
     looked = sets.sealed.sha256 if sealed else ""  # where nothing was compared nothing was seen
     return replace(decision, rules=(*rules, last)), looked
 

@@ -282,12 +282,16 @@ def first_rules(
     ]  # fmt: skip
 
 
-def sealed_rule(contests: Sequence[Contest]) -> Rule:
-    """Rule of the sealed set: nothing that is to serve fails anew there, and nothing is worse."""
+def sealed_rule(contests: Sequence[Contest], serving: Iterable[str]) -> Rule:
+    """Rule of the sealed set: nothing is worse there, and nothing fails that begins to serve.
+
+    What serves may fail where the champion's, by ``serving``, fails as well.
+    """
+    served = set(serving)
     failed = [
         (True, f"its {one.submodel} fails on the sealed set: {one.words}")
         for one in contests
-        if one.challenger == "failed" != one.champion
+        if one.challenger == "failed" and not (one.champion == "failed" and one.submodel in served)
     ]
     return _not_worse("sealed", contests, {one.submodel for one in contests}, failed)
 
@@ -304,11 +308,15 @@ def _rule(name: RuleName, said: Iterable[Said], figures: Sequence[Compared] = ()
 
 
 def _failures(contests: Sequence[Contest], challenger: Bundle, served: set[str]) -> Iterator[Said]:
-    """Failures of what serves; those that the champion has as well are said and break nothing."""
+    """Failures of what serves or would; those that the champion's has as well break nothing."""
     changed = {one.submodel: one for one in contests}
     for name, one in challenger.submodels.items():
         again = changed[name].challenger if name in changed else one.status
-        if name not in served or (one.status not in LACKING and again not in LACKING):
+        if name not in served:
+            if one.status == "passed" and again == "failed":
+                yield True, f"its {name} passed, and fails on these records: {changed[name].words}"
+            continue
+        if one.status not in LACKING and again not in LACKING:
             continue
         if name not in changed:
             yield False, f"{name} is {one.status}, the same model as the champion's"

@@ -242,7 +242,7 @@ def test_vibration_follows_wear_at_the_level_of_the_tool(seed: int) -> None:
 def test_a_condition_that_is_0_in_some_cuts_leaves_them() -> None:
     windows, rms = cuts(0)
     given = {"coolant": (np.arange(160) // 3 % 2).astype(float)}
-    units = windows.condition_units | {"coolant": "1"}
+    units = {**windows.condition_units, "coolant": "1"}
     windows = replace(windows, conditions={**windows.conditions, **given}, condition_units=units)
     _, check = _trend(windows, rms, "vibration_x", "m/s^2")
     assert check.recordings == 128 and check.correlation is not None

@@ -194,10 +194,23 @@ def test_the_newest_day_may_not_be_worse() -> None:
 
 def test_the_sealed_set_speaks_only_against() -> None:
     equal = met(OLD)
-    assert sealed_rule([equal]).result == "kept"
-    rule = sealed_rule([met(OLD, challenger="failed")])
+    assert sealed_rule([equal], ["drive"]).result == "kept"
+    rule = sealed_rule([met(OLD, challenger="failed")], ["drive"])
     assert rule.result == "broken" and rule.sentence.startswith("its drive fails on the sealed set")
-    assert sealed_rule([]).result == "no data"
+    both = met(OLD, champion="failed", challenger="failed")
+    assert sealed_rule([both], ["drive"]).result == "kept", "it fails as what serves does"
+    assert sealed_rule([both], []).result == "broken", "it would begin to serve"
+    assert sealed_rule([], []).result == "no data"
+
+
+def test_what_passed_before_and_fails_on_the_present_golden_set_does_not_begin_to_serve() -> None:
+    old: dict[str, Status] = {"spindle": "failed", "drive": "passed"}
+    new: dict[str, Status] = {"spindle": "passed", "drive": "passed"}
+    again = met(OLD, "spindle", champion="failed", challenger="failed")
+    said = against(again, old=old, new=new)
+    assert list(said) == ["no new failure"] and "spindle passed, and fails" in str(said)
+    assert against(met(OLD, "spindle", champion="failed"), old=old, new=new) == {}
+    assert list(against(again, old=old, new=old)) == ["better"], "what stays failed does not serve"
 
 
 def test_champion_and_challenger_meet_on_the_golden_days(tmp_path: Path) -> None:
