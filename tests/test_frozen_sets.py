@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from pipeline.app.commands import app
 from pipeline.app.fleet import _composed, collect, use_fleet
 from pipeline.app.frozen_cases import lacking, sealed_of
+from pipeline.app.golden_sets import freeze
 from pipeline.schema.golden import FrozenSet, read_golden
 from pipeline.schema.model import SourceFile
 from pipeline.schema.verdict import Fact
@@ -139,3 +140,24 @@ def test_the_command_freezes_what_stands_in_the_repository(machine: str, tmp_pat
         lacks = (machine, name) in TOO_LITTLE
         assert row["lacking"].startswith("too little to freeze") if lacks else not row["lacking"]
         assert lacks or (row["golden"] >= 3 and row["sealed"] >= 1)
+
+
+def test_no_set_is_called_replaced_where_the_other_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def one(name: str) -> FrozenSet:
+        return FrozenSet(files=(SourceFile(file=name, sha256=name),))
+
+    monkeypatch.setattr("pipeline.registry.provenance.git", lambda *_, **__: "committed")
+    manifest = tmp_path / "data/signals/m/manifest.json"
+    manifest.parent.mkdir(parents=True)
+    manifest.write_text('{"files": {}}')
+    with inside(tmp_path):
+        freeze("m", {"golden": one("a"), "sealed": one("b")})
+        with pytest.raises(ValueError, match="sealed set .* stays"):
+            freeze(
+                "m",
+                {"golden": one("c"), "sealed": one("d")},
+                lambda question: "golden set" in question,
+            )
+    assert "replaced" not in caplog.text

@@ -88,8 +88,10 @@ def freeze(
             f"{both} is in the {other or 'golden'} set of {machine} already: a file, or a day of a "
             "log, is in one of them"
         )
-    for name, one in frozen.items():
-        _ask_before(machine, name, getattr(before, name), one, path, again)
+    replaced = [_ask_before(machine, name, getattr(before, name), one, path, again)
+                for name, one in frozen.items()]  # fmt: skip
+    for words in filter(None, replaced):
+        LOG.warning("%s", words)
     if frozen:
         write_golden(after, path)
 
@@ -134,12 +136,12 @@ def _fitting(machine: str, known: Mapping[str, Mapping[str, Any]], pattern: str)
 def _ask_before(
     machine: str, name: str, there: FrozenSet | None, frozen: FrozenSet, path: Path,
     again: Callable[[str], bool],
-) -> None:  # fmt: skip
-    """Raise ValueError where a committed set would be replaced and the answer is no."""
+) -> str:  # fmt: skip
+    """Words on a set that is replaced; ValueError where it is committed and the answer is no."""
     from pipeline.registry.provenance import git
 
     if there is None or there == frozen:
-        return
+        return ""
     said = f"the {name} set {there.sha256[:12]} of {machine}, {many(len(there.files), 'file')}"
     lost = _lost(machine, name, there)
     if git("ls-tree", "HEAD", "--", str(path)):
@@ -147,7 +149,7 @@ def _ask_before(
         if not again(f"{question} {said}{lost}?"):
             raise ValueError(f"{path} is committed: {said} stays; give --again to freeze another "
                              f"in its place{lost}")  # fmt: skip
-    LOG.warning("%s is replaced%s", said, lost)
+    return f"{said} is replaced{lost}"
 
 
 def _lost(machine: str, name: str, there: FrozenSet) -> str:
