@@ -154,7 +154,7 @@ def test_no_set_is_called_replaced_where_the_other_stays(
     manifest.write_text('{"files": {}}')
     with inside(tmp_path):
         freeze("m", {"golden": one("a"), "sealed": one("b")})
-        with pytest.raises(ValueError, match="sealed set .* stays"):
+        with pytest.raises(ValueError, match=r"sealed set .* stays"):
             freeze(
                 "m",
                 {"golden": one("c"), "sealed": one("d")},
