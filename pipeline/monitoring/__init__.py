@@ -4,4 +4,4 @@ Errors come from the contract of a sub-model, times from the records, limits fro
 sequential test is Page and Hinkley's (E. S. Page, Biometrika 41, 1954), from the library river.
 """
 
-__all__ = ["budget", "drift", "nightly", "reasons", "state"]
+__all__ = ["budget", "condition", "drift", "nightly", "reasons", "state"]
