@@ -7,6 +7,7 @@ import pty
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
@@ -28,6 +29,7 @@ import pipeline.app.program_commands  # noqa: F401, its commands
 from pipeline.app.commands import app
 from pipeline.app.compiling import announced
 from pipeline.app.fleet import machine_parameters
+from pipeline.app.golden_sets import chosen_set, freeze, shared
 from pipeline.app.output import log_to_standard_error
 from pipeline.app.programs import CHAMPION, LATEST
 from pipeline.app.thermal_growth import FORMATS
@@ -36,6 +38,8 @@ from pipeline.optimisation.settings import Grouping
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden
 from pipeline.schema.model import SourceFile
 from pipeline.schema.part import Objective
+from pipeline.schema.store import write_json
+from pipeline.schema.verdict import GoldenUsed, Verdict
 from pipeline.submodels.cases import Roles, role_of
 from pipeline.submodels.contract import submodel, submodels
 from tests import bundled_project
@@ -569,6 +573,48 @@ def test_a_committed_set_is_replaced_after_a_question(ingested: Path) -> None:
     frozen(ingested, "--files", TRACES[0])  # the same set
     frozen(ingested, "--sealed", *week)  # none takes its place
     assert frozen(ingested, "--again", "--files", TRACES[1]) != before.golden
+
+
+def test_what_rests_on_a_set_that_is_replaced_is_named(ingested: Path) -> None:
+    golden = frozen(ingested, "--first", MONDAY, "--last", "2026-01-11")
+    used = GoldenUsed(sha256=golden.sha256, files=1)
+    verdict = Verdict(submodel="spindle", machine=MACHINE, origin="simulated", status="passed",
+                      reasons=(), judged_role="golden", golden=used, scores=())  # fmt: skip
+    write_json(verdict, ingested / f"data/models/{MACHINE}/spindle/verdict.json")
+    done = kerf(ingested, "golden", "-m", MACHINE, "--files", TRACES[0])
+    assert done.stderr == (
+        f"kerf: the golden set {golden.sha256[:12]} of {MACHINE}, 1 file is replaced; scores on it "
+        f"no longer compare with new ones: models/{MACHINE}/spindle\n"
+    )
+
+
+def test_both_sets_may_change_places_at_once(ingested: Path) -> None:
+    with inside(ingested):
+        sets = [chosen_set(MACHINE, files=[one]) for one in TRACES]
+        for golden, sealed in (sets, reversed(sets)):
+            freeze(MACHINE, {"golden": golden, "sealed": sealed})
+            assert sets_of(ingested) == GoldenSets(machine=MACHINE, golden=golden, sealed=sealed)
+        with pytest.raises(ValueError, match=r"is in the golden set of .* already"):
+            freeze(MACHINE, {"golden": golden, "sealed": golden})
+
+
+def test_days_and_what_counts_as_a_whole_are_in_the_hash() -> None:
+    log = FrozenSet(files=(SourceFile(file="a.txt", sha256="0"),))
+    day, week = (Days(first=MONDAY, last=last) for last in (MONDAY, "2026-01-11"))
+    first = replace(log, days=day)
+    sets = [log, first, replace(log, days=week), replace(first, whole=("a.txt",)),
+            replace(first, time_zone="Europe/Berlin")]  # fmt: skip
+    assert len({one.sha256 for one in sets}) == len(sets)
+
+
+def test_which_set_is_named_first_does_not_matter() -> None:
+    """A log by its days in one set, a part of it by a column, which has none, in the other."""
+    known: dict[str, dict[str, str]] = {"a.csv": {"last": f"{MONDAY}T15:00:00Z"}}
+    one, other = (
+        FrozenSet(files=(SourceFile(file=name, sha256="0"),), days=Days(first=day, last=day))
+        for name, day in (("a.csv", MONDAY), ("a.csv#tool=1", "2026-01-12"))
+    )
+    assert shared(one, other, known) and shared(other, one, known)
 
 
 @pytest.mark.parametrize(

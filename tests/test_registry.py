@@ -642,7 +642,7 @@ def test_a_server_that_is_down_keeps_nobody_from_reading(
 
 def test_one_that_failed_is_refused_and_serves_only_anyway(root: Path) -> None:
     spindle(root, mae_K=1e-6)
-    with pytest.raises(ValueError, match=r"rule 'no new failure' is broken: its spindle is failed"):
+    with pytest.raises(ValueError, match=r"by rules 'no new failure', 'better': mend"):
         promote(MACHINE, root, why="try")
     assert aliases(root) == {"champion": 1, "challenger": 3}
     assert [e.event for e in history_of(MACHINE, root)] == ["first", "refused"]
@@ -663,11 +663,25 @@ def test_the_command_says_which_rules_it_overrides(root: Path) -> None:
     look = kerf(root, *words, "--dry-run")
     assert look.exit_code == 0 and "may not serve by the rules, and would with" in look.stdout
     done = kerf(root, *words, "--why", "a test of the alarm")
-    first, second = done.stdout.splitlines()
-    assert first.startswith(f"{MACHINE}: against the rules: rule 'no new failure' is broken: its ")
-    assert "rule 'not worse' is broken: worse: spindle" in first
-    assert " K against the champion's " in first and "version 3 is champion" in second
+    first, *rules, last = done.stdout.splitlines()
+    assert first == f"{MACHINE}: against the rules, by --anyway:"
+    assert rules[0].startswith("  no new failure  broken  its spindle is failed where the champ")
+    assert rules[1].startswith("  not worse       broken  worse: spindle")
+    assert " K against the champion's " in rules[1] and "version 3 is champion" in last
     assert "anyway: rule 'no new failure' is broken" in kerf(root, "history").stdout
+
+
+def test_a_refusal_is_a_sentence_a_line_for_each_rule_and_status_1(root: Path) -> None:
+    (root / "conf").mkdir()
+    (root / "conf/machine").symlink_to(ROOT / "conf/machine")
+    spindle(root, error_K=4.0)
+    done = kerf(root, "promote", "-m", MACHINE, "--why", "try", "--json", "-")
+    said, *rules = done.stderr.splitlines()
+    assert done.exit_code == 1 == kerf(root, "promote", "-m", MACHINE, "--dry-run").exit_code
+    assert said.startswith(f"kerf: version 3 of {MACHINE} may not serve in the place of version 1 ")
+    assert said.endswith("data/history/mill01/0002.json holds the decision") and len(said) < 220
+    names = [one["name"] for one in json.loads(done.stdout)["rules"] if one["result"] == "broken"]
+    assert [line[2:].partition("  ")[0] for line in rules] == names and "not worse" in names
 
 
 def test_each_look_at_the_sealed_set_is_counted(root: Path) -> None:

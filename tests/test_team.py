@@ -194,6 +194,6 @@ def test_a_server_that_does_not_answer_is_one_sentence_soon(
     address, seen = hangs_up
     monkeypatch.setenv("MLFLOW_TRACKING_URI", address)
     monkeypatch.setenv("MLFLOW_HTTP_REQUEST_BACKOFF_FACTOR", "0")
-    with pytest.raises(ValueError, match=f"the registry {address} cannot be opened: "):
+    with pytest.raises(ValueError, match=f"the registry {address} does not answer .*when it does"):
         versions(MACHINE, tmp_path)
-    assert 1 <= len(seen) <= 3  # seven more, each after twice the pause, take four minutes
+    assert len(seen) == 1  # before MLflow is imported, which tries it for seconds

@@ -160,6 +160,18 @@ def test_a_sample_compares_so_many_figures(project: Path) -> None:
     assert kerf(project, "verify", PAGE, "--sample", "0").exit_code == 2
 
 
+def test_a_sample_is_drawn_afresh_and_again_by_its_seed(project: Path) -> None:
+    path = project / PAGE
+    path.write_text(path.read_text().replace("0", "9"))  # so that what was drawn is named
+    seeds = {n: kerf(project, "verify", PAGE, "--sample", "1", "--seed", str(n)).stdout
+             for n in (1, 2, 3, 4)}  # fmt: skip
+    assert len({text.replace(f"--seed {n}", "") for n, text in seeds.items()}) > 1
+    assert kerf(project, "verify", PAGE, "--sample", "1", "--seed", "2").stdout == seeds[2]
+    drawn = {kerf(project, "verify", PAGE, "--sample", "1").stdout.splitlines()[-1]
+             for _ in range(3)}  # fmt: skip
+    assert len(drawn) > 1 and all(one.startswith("drawn by --seed ") for one in drawn)
+
+
 def test_code_that_is_not_the_page_s_is_said(project: Path) -> None:
     (project / "data/code.json").write_text('{"report": "0123456789abcdef"}\n')
     done = kerf(project, "verify", PAGE)

@@ -1,5 +1,6 @@
 """Commands on records, fleet and models, imported when they run so that ``--help`` is quick."""
 
+import secrets
 import sys
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -110,6 +111,9 @@ def verify(
     sample: Annotated[
         int | None, typer.Option(help="Figures of each page to compare; all by default.", min=1)
     ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Draw the figures of this seed again; a new one by default.")
+    ] = None,
     json: kerf.Json = None,
 ) -> None:
     """Compute the figures of PAGES again from the files that they name; name what differs."""
@@ -117,10 +121,13 @@ def verify(
 
     with one_sentence(), outputs() as to:
         to.ready(json, *pages)
-        found = verify_all(pages, sample)
+        seed = secrets.randbelow(10**6) if seed is None else seed
+        found = verify_all(pages, sample, seed)
         to.json([asdict(one) for one in found], json)
         for line in said(found):
             to.say(line)
+        if sample is not None:
+            to.say(f"drawn by --seed {seed}")
     if any(one.failed for one in found):
         raise typer.Exit(1)
 
@@ -207,7 +214,7 @@ def golden(
     Without days and files it shows what is frozen, by sub-model.
     """
     from pipeline.app.frozen_cases import frozen_cases, frozen_text, split_sets
-    from pipeline.app.golden_sets import freeze_set, learnt_and_frozen
+    from pipeline.app.golden_sets import chosen_set, freeze, learnt_and_frozen
 
     def asked(question: str) -> bool:
         return again or (sys.stdin.isatty() and typer.confirm(question, err=True))
@@ -224,9 +231,8 @@ def golden(
             for line in frozen_text(found):
                 to.say(line)
             return
-        frozen = freeze_set(
-            machine, first=first, last=last, files=files or (), sealed=sealed, again=asked
-        )
+        frozen = chosen_set(machine, first=first, last=last, files=files or ())
+        freeze(machine, {"sealed" if sealed else "golden": frozen}, asked)
         if warning := learnt_and_frozen(machine, frozen):
             typer.echo(f"kerf: {warning}", err=True)
         about = {"machine": machine, "set": "sealed" if sealed else "golden"}
@@ -247,7 +253,7 @@ def nightly(
         to.ready(json)
         nights = score(machine)
         to.json([asdict(one) for one in nights], json)
-        for line in lines(nights):
+        for line in lines(machine, nights):
             to.say(line)
     raise typer.Exit(ASKS if asks(nights) else QUIET)
 

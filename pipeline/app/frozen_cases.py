@@ -6,7 +6,7 @@ from glob import escape
 from typing import Any
 
 from pipeline.app.fleet import CONF, DATA, machine_parameters
-from pipeline.app.golden_sets import freeze_set
+from pipeline.app.golden_sets import chosen_set, freeze
 from pipeline.app.output import NONE, aligned, many
 from pipeline.champions.serving import history_of
 from pipeline.fleet import Fleet
@@ -169,13 +169,12 @@ def split_sets(machine: str, again: Callable[[str], bool]) -> None:
                 sealed |= files
             else:
                 golden |= files - sealed
-    for is_sealed, files in ((False, golden), (True, sealed)):
-        if files or days[is_sealed]:
-            freeze_set(
-                machine, first=min(days[is_sealed], default=None),
-                last=max(days[is_sealed], default=None),
-                files=[escape(one) for one in sorted(files)], sealed=is_sealed, again=again,
-            )  # fmt: skip
+    chosen = {
+        name: chosen_set(machine, first=min(own, default=None), last=max(own, default=None),
+                         files=[escape(one) for one in sorted(files)])
+        for name, files, own in zip(FROZEN, (golden, sealed), days, strict=True) if files or own
+    }  # fmt: skip
+    freeze(machine, chosen, again)
 
 
 def sealed_of(groups: Mapping[str, Sequence[Case]]) -> set[str]:

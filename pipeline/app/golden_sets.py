@@ -8,22 +8,24 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.app.fleet import DATA, machine_parameters
-from pipeline.app.output import many
+from pipeline.app.output import LOG, many
+from pipeline.champions.serving import history_of
 from pipeline.parameters import structure
+from pipeline.schema.bundle import VERDICT
 from pipeline.schema.days import UTC, day_of_text
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden, write_golden
+from pipeline.schema.store import read_json
+from pipeline.schema.verdict import Role, Verdict
 
 
-def freeze_set(
+def chosen_set(
     machine: str,
     *,
     first: str | None = None,
     last: str | None = None,
     files: Sequence[str] = (),
-    sealed: bool = False,
-    again: Callable[[str], bool] = lambda question: False,
 ) -> FrozenSet:
-    """Freeze raw files of ``machine`` as its golden set, or as the ``sealed`` set of promotion.
+    """Raw files of ``machine`` as a set that may be frozen.
 
     ``first`` and ``last``: days of the plant, ``YYYY-MM-DD``, both included; ``files``: patterns of
     further files, and of parts of tables, ``<file>#<column>=<value>``.
@@ -60,24 +62,39 @@ def freeze_set(
     names |= whole
     if not names:
         raise ValueError("name what to freeze: --first and --last of a week, or --files")
-    path = DATA / "golden" / f"{machine}.json"
-    sets = read_golden(path) or GoldenSets(machine=machine)
-    frozen = FrozenSet(
+    return FrozenSet(
         files=sources(known, sorted(names)), days=days, time_zone=zone, whole=tuple(sorted(clocked))
     )
-    other = sets.golden if sealed else sets.sealed
-    if other is not None and (both := _shared(frozen, other, known)):
+
+
+def freeze(
+    machine: str, frozen: Mapping[Role, FrozenSet], again: Callable[[str], bool] = lambda _: False
+) -> None:
+    """Freeze the ``golden`` set of ``machine``, the ``sealed`` set of promotion, or both at once.
+
+    Raises ValueError where the two would share a day or a file, or a committed set would be
+    replaced and ``again`` answers no.
+    """
+    from pipeline.submodels.cases import Records
+
+    path = DATA / "golden" / f"{machine}.json"
+    before = read_golden(path) or GoldenSets(machine=machine)
+    after = replace(before, golden=frozen.get("golden", before.golden),
+                    sealed=frozen.get("sealed", before.sealed))  # fmt: skip
+    known = Records(manifest=DATA / "signals" / machine / "manifest.json").files
+    if after.golden and after.sealed and (both := shared(after.golden, after.sealed, known)):
+        other = " and ".join(name for name in ("golden", "sealed") if name not in frozen)
         raise ValueError(
-            f"{both} is in the {'golden' if sealed else 'sealed'} set of {machine} already: a "
-            "file, or a day of a log, is in one of them"
+            f"{both} is in the {other or 'golden'} set of {machine} already: a file, or a day of a "
+            "log, is in one of them"
         )
-    _ask_before(machine, sets.sealed if sealed else sets.golden, frozen, path, again)
-    changed = replace(sets, sealed=frozen) if sealed else replace(sets, golden=frozen)
-    write_golden(changed, path)
-    return frozen
+    for name, one in frozen.items():
+        _ask_before(machine, name, getattr(before, name), one, path, again)
+    if frozen:
+        write_golden(after, path)
 
 
-def _shared(one: FrozenSet, other: FrozenSet, known: Mapping[str, Mapping[str, Any]]) -> str:
+def shared(one: FrozenSet, other: FrozenSet, known: Mapping[str, Mapping[str, Any]]) -> str:
     """First day or file that two sets share, empty where none; a log may have days in both."""
     from pipeline.signals.conditions import share_rows
 
@@ -87,12 +104,13 @@ def _shared(one: FrozenSet, other: FrozenSet, known: Mapping[str, Mapping[str, A
         if day in days[0] and day in days[1]:
             return day
 
-    def by_days(name: str) -> bool:
-        parted = all(days) and bool(known.get(name, {}).get("last"))
-        return parted and name not in (*one.whole, *other.whole)
+    whole = {*one.whole, *other.whole} if all(days) else {*known}
+
+    def by_days(*names: str) -> bool:
+        return all(known.get(name, {}).get("last") and name not in whole for name in names)
 
     return next((a.file for a in one.files for b in other.files
-                 if share_rows(a.file, b.file) and not by_days(a.file)), "")  # fmt: skip
+                 if share_rows(a.file, b.file) and not by_days(a.file, b.file)), "")  # fmt: skip
 
 
 def _fitting(machine: str, known: Mapping[str, Mapping[str, Any]], pattern: str) -> set[str]:
@@ -114,17 +132,38 @@ def _fitting(machine: str, known: Mapping[str, Mapping[str, Any]], pattern: str)
 
 
 def _ask_before(
-    machine: str, there: FrozenSet | None, frozen: FrozenSet, path: Path,
+    machine: str, name: str, there: FrozenSet | None, frozen: FrozenSet, path: Path,
     again: Callable[[str], bool],
 ) -> None:  # fmt: skip
     """Raise ValueError where a committed set would be replaced and the answer is no."""
     from pipeline.registry.provenance import git
 
-    if there is None or there == frozen or not git("ls-tree", "HEAD", "--", str(path)):
+    if there is None or there == frozen:
         return
-    said = f"{path} is committed, and verdicts rest on what it freezes of {machine}"
-    if not again(f"{said}: freeze {many(len(frozen.files), 'file')} in its place?"):
-        raise ValueError(f"{said}: it stays; give --again to freeze another set in its place")
+    said = f"the {name} set {there.sha256[:12]} of {machine}, {many(len(there.files), 'file')}"
+    lost = _lost(machine, name, there)
+    if git("ls-tree", "HEAD", "--", str(path)):
+        question = f"{path} is committed: freeze {many(len(frozen.files), 'file')} in place of"
+        if not again(f"{question} {said}{lost}?"):
+            raise ValueError(f"{path} is committed: {said} stays; give --again to freeze another "
+                             f"in its place{lost}")  # fmt: skip
+    LOG.warning("%s is replaced%s", said, lost)
+
+
+def _lost(machine: str, name: str, there: FrozenSet) -> str:
+    """What rests on a set that is to be replaced, in words that follow its name."""
+    if name == "sealed":
+        looks = sum(entry.sealed == there.sha256 for entry in history_of(machine))
+        return f"; {many(looks, 'look')} at it in the history" if looks else ""
+    found = [
+        path.parent.relative_to(DATA).as_posix()
+        for folder in ("champion", "models")
+        for path in sorted((DATA / folder / machine).glob(f"*/{VERDICT}"))
+        if (used := read_json(path, Verdict).golden) is not None and used.sha256 == there.sha256
+    ]
+    if not found:
+        return ""
+    return f"; scores on it no longer compare with new ones: {', '.join(found)}"
 
 
 def _days_there(machine: str, known: Mapping[str, Mapping[str, Any]], zone: str) -> list[str]:

@@ -1,17 +1,19 @@
 """History of what serves, as rows of a table."""
 
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
-from pipeline.app.fleet import active_fleet, check_machine
+from pipeline.app.fleet import DATA, active_fleet, check_machine
 from pipeline.app.output import LOG
 from pipeline.champions.promotion import events
 from pipeline.registry.store import offline
-from pipeline.schema.history import Entry, instant, looks, served_until, serving_at, stamp
+from pipeline.schema.days import day_end, day_start, is_day, zone_of
+from pipeline.schema.history import Entry, instant, looks, served_until, serving_during, stamp
 
 
 def history_rows(machine: str | None, at: str | None, root: Path = Path()) -> list[dict[str, str]]:
-    """Rows of one machine or of all: each event, or what served at a time.
+    """Rows of one machine or of all: each event, or what served at a time or on a plant's day.
 
     Raises ValueError for a machine that is not known, and for a text that is no time.
     """
@@ -19,16 +21,25 @@ def history_rows(machine: str | None, at: str | None, root: Path = Path()) -> li
         check_machine(machine)
     if said := offline():
         LOG.warning("%s: the files of this project are shown", said)
-    moment = None if at is None else stamp(instant(at))
     found = []
     for name in [machine] if machine else active_fleet().machines:
-        entries = events(name, root)
-        if moment is not None:
-            one = serving_at(entries, moment)
-            found += [_row(name, one, entries)] if one else [_none(name, f"nothing at {moment}")]
-        else:
-            found += [_row(name, entry, entries) for entry in entries] or [_none(name, "nothing")]
+        entries, when = events(name, root), ""
+        shown: Sequence[Entry] = entries
+        if at is not None:
+            first, last = _span(at, name)
+            shown, when = serving_during(entries, first, last), f" at {at}"
+        found += [_row(name, entry, entries) for entry in shown] or [_none(name, f"nothing{when}")]
     return found
+
+
+def _span(at: str, machine: str) -> tuple[str, str]:
+    """First and last second of a time, or of a day of the plant's clock."""
+    if not is_day(at):
+        return (stamp(instant(at)),) * 2
+    zone = zone_of(DATA / "clean" / machine)
+    first, last = (datetime.fromtimestamp(ns // 10**9 - after, UTC)
+                   for ns, after in ((day_start(at, zone), 0), (day_end(at, zone), 1)))  # fmt: skip
+    return stamp(first), stamp(last)
 
 
 def _row(machine: str, entry: Entry, entries: Sequence[Entry]) -> dict[str, str]:

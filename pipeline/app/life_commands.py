@@ -1,6 +1,6 @@
 """Commands on the life of a model: promotion, rollback, history, deletion."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +11,7 @@ from pipeline.app.kerf import app, one_sentence
 from pipeline.app.output import aligned, outputs
 
 if TYPE_CHECKING:
-    from pipeline.schema.decision import Decision
+    from pipeline.schema.decision import Decision, Rule
 
 Why = Annotated[str, typer.Option(help="The reason, for the machine's history.")]
 COMMIT = "git add champions.json data/history, and commit them"
@@ -32,11 +32,10 @@ def promote(
     ] = False,
     json: kerf.Json = None,
 ) -> None:  # fmt: skip
-    """Make MACHINE's newest bundle its champion, if the rules let it serve."""
+    """Make MACHINE's newest bundle its champion; exit status 1 where the rules refuse it."""
     from pipeline.app.fleet import check_machine
-    from pipeline.champions.promotion import judged
+    from pipeline.champions.promotion import RefusedError, decided, judged
     from pipeline.champions.promotion import promote as promote_bundle
-    from pipeline.champions.serving import history_of
 
     with one_sentence(), outputs() as written:
         written.ready(json)
@@ -44,30 +43,53 @@ def promote(
         if dry_run:
             decision = judged(machine, to=to, anyway=anyway)
             written.json(asdict(decision), json)
-            for line in _decided(decision):
+            for line in (*_rules(decision.rules), *_serves(decision)):
                 written.say(line)
+            number = decision.challenger.version
+            which = f"version {number}" if number else "the newest bundle, not registered yet,"
+            may = "may serve" if decision.may_serve else "may not serve"
+            may += " by the rules, and would with --anyway," if decision.overridden else ""
+            written.say(f"{which} of {machine} {may} in the place of version "
+                        f"{decision.champion.version} ({decision.origin} records); nothing was "
+                        "changed")  # fmt: skip
         else:
-            champion = promote_bundle(machine, why=why, to=to, anyway=anyway)
-            written.json({"machine": machine} | asdict(champion), json)
-            last = history_of(machine)[-1]
-            if last.anyway:
-                written.say(f"{machine}: against the rules: {last.rules}")
-            written.say(f"{machine}: version {champion.version} is champion; {COMMIT}")
-    if dry_run and not decision.promoted:
+            try:
+                champion = promote_bundle(machine, why=why, to=to, anyway=anyway)
+            except RefusedError as refused:
+                decision = refused.decision
+                written.json(asdict(decision), json)
+                typer.echo(f"kerf: {refused}", err=True)
+                for line in _rules(decision.against):
+                    typer.echo(line, err=True)
+            else:
+                decision = decided(machine)
+                written.json({"machine": machine} | asdict(champion), json)
+                if decision.overridden:
+                    written.say(f"{machine}: against the rules, by --anyway:")
+                    for line in _rules(decision.against):
+                        written.say(line)
+                for line in _serves(decision):
+                    written.say(line)
+                written.say(f"{machine}: version {champion.version} is champion; {COMMIT}")
+    if not decision.promoted:
         raise typer.Exit(1)
 
 
-def _decided(decision: "Decision") -> Iterator[str]:
-    rows = [(one.name, one.result, one.sentence or "-") for one in decision.rules]
-    yield from aligned([("rule", "result", "why"), *rows], words=3)
-    number = decision.challenger.version
-    which = f"version {number}" if number else "the newest bundle, not registered yet,"
-    may = "may serve" if decision.may_serve else "may not serve"
-    may += " by the rules, and would with --anyway," if decision.overridden else ""
-    yield (
-        f"{which} of {decision.machine} {may} in the place of "
-        f"version {decision.champion.version} ({decision.origin} records); nothing was changed"
-    )
+def _rules(rules: "Sequence[Rule]") -> Iterator[str]:
+    """A line for each rule, indented: name, result, why."""
+    rows = [(f"  {one.name}", one.result, one.sentence or "-") for one in rules]
+    return aligned(rows, words=3) if rows else iter(())
+
+
+def _serves(decision: "Decision") -> Iterator[str]:
+    """What serves without having passed, and what does not serve."""
+    machine = decision.machine
+    if decision.anyway and not decision.overridden:
+        yield f"{machine}: --anyway overrides nothing: it may serve by the rules"
+    if decision.unproven:
+        yield f"{machine}: serve without having passed: {decision.unproven}"
+    if decision.idle:
+        yield f"{machine}: do not serve: {decision.idle}"
 
 
 @app.command(rich_help_panel=kerf.MODELS)
@@ -104,7 +126,8 @@ def history(
         str | None, typer.Option("--machine", "-m", help="Machine; every one by default.")
     ] = None,
     at: Annotated[
-        str | None, typer.Option(help="Who served at this time, as 2026-03-01T06:00Z.")
+        str | None,
+        typer.Option(help="Who served at 2026-03-01T06:00Z, or on the day 2026-03-01."),
     ] = None,
     json: kerf.Json = None,
 ) -> None:
@@ -132,5 +155,5 @@ def delete(
 
     with one_sentence():
         check_machine(machine)
-        delete_version(machine, version, why=why)
-    typer.echo(f"{machine}: version {version} is deleted; {COMMIT}")
+        freed = delete_version(machine, version, why=why) / 1e6
+    typer.echo(f"{machine}: version {version} is deleted, {freed:.1f} MB are free; {COMMIT}")

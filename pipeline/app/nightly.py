@@ -21,11 +21,17 @@ def score(machine: str) -> tuple[Night, ...]:
     return serving(read_ledger(ledger), stored_bundle(folders[0], machine))
 
 
-def lines(nights: Sequence[Night]) -> Iterator[str]:
-    """The last night of each target, and what is asked for."""
+def lines(machine: str, nights: Sequence[Night]) -> Iterator[str]:
+    """The last night of each target, and what is asked for; without a night why there is none."""
     last = {one.target: one for one in latest(nights)}
     if not last:
-        yield "no night to score: no record is newer than those that the champion was judged on"
+        why = (
+            f"{machine} has no day after its champion's training, and no recording, that the "
+            "champion was neither fitted nor judged on; golden and sealed records are never scored"
+        )
+        if stored_bundle(DATA / "champion" / machine, machine) is None:
+            why = f"nothing serves {machine}: `dvc repro champion@{machine}` fills what serves"
+        yield f"no night to score: {why}"
         return
     rows = [
         (one.night, one.submodel, f"{one.quantity} {one.regime}".strip() or "-", one.result,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from pipeline.app.fleet import DATA, machine_parameters, outside_fleet
-from pipeline.app.output import check_outputs
+from pipeline.app.output import LOG, check_outputs
 from pipeline.app.tables import section
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.gcode.errors import NO_BLOCK
@@ -242,17 +242,42 @@ def model_lines(head: str, models: Path, status: str, name: str) -> Iterator[str
 
 
 def passed_status(folder: Path, name: str, use: str = "use it", *, anyway: bool) -> str:
-    """Status of the verdict beside a model; refused where it did not pass, unless ``anyway``."""
+    """Status of the verdict beside a model; what serves or is used without a pass is warned of.
+
+    Refused where it neither passed nor serves, unless ``anyway``.
+    """
     path = folder / "verdict.json"
     verdict = read_json(path, Verdict) if path.exists() else None
     status = "not judged" if verdict is None else verdict.status
-    if status != "passed" and not anyway:
+    if status == "passed":
+        return status
+    serves = _serving_words(folder)
+    if not (anyway or serves):
         why = f" ({verdict.reasons[0]})" if verdict is not None and verdict.reasons else ""
         raise ValueError(
             f"the {name} in {folder} {VERDICT_WORDS[status]}{why}: mend that first, or {use} with "
             "--anyway"
         )
+    LOG.warning("the %s %s%s", name, VERDICT_WORDS[status],
+                serves or ": use this for trials alone")  # fmt: skip
     return status
+
+
+def _serving_words(folder: Path) -> str:
+    """By whom a champion's sub-model was put into service; empty where it does not serve."""
+    from pipeline.champions.serving import history_of
+    from pipeline.schema.history import served
+
+    if folder.parent.parent != DATA / CHAMPION:
+        return ""
+    for last in served(history_of(folder.parent.name))[-1:]:
+        if folder.name in last.serving:
+            how = "against the rules, by --anyway" if last.anyway else "by the rules"
+            return (
+                f"; it serves {how}, as {last.by} {last.event} version {last.version} on "
+                f"{last.at}: {last.why}"
+            )
+    return ""
 
 
 def machine_control(machine: str, unit: str | None, model: str = CHAMPION) -> Controlled:
@@ -334,7 +359,7 @@ def predict_table(
         raise ValueError(f"the sub-model {name} is called {now} now: give that name")
     one = submodel(name)
     folder = stored_model(machine, model, one)
-    status = passed_status(folder, f"model of {name}", anyway=anyway)
+    passed_status(folder, f"model of {name}", anyway=anyway)
     check_outputs(table, out)
     try:
         read = pd.read_parquet if table.suffix == ".parquet" else pd.read_csv
@@ -362,6 +387,4 @@ def predict_table(
         if column in found:
             unknown.setdefault(why, []).append(column)
     notes = [f"{', '.join(names)}: {why}" for why, names in unknown.items()]
-    if status != "passed":
-        notes.append(f"the model of {name} {VERDICT_WORDS[status]}: use this for trials alone")
     return len(found), tuple(notes)

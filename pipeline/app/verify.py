@@ -16,6 +16,7 @@ from hashlib import sha256
 from html import unescape
 from itertools import takewhile, zip_longest
 from pathlib import Path
+from random import Random
 from tempfile import TemporaryDirectory
 
 from pipeline.app.document_figures import document_figures
@@ -79,7 +80,7 @@ class Verified:
         return bool(self.changed or self.mismatches)
 
 
-def verify_all(paths: Iterable[Path], sample: int | None = None) -> list[Verified]:
+def verify_all(paths: Iterable[Path], sample: int | None = None, seed: int = 0) -> list[Verified]:
     """Verify pages and Markdown documents; those of a folder are its Markdown files."""
     found = []
     with TemporaryDirectory() as place:
@@ -92,7 +93,7 @@ def verify_all(paths: Iterable[Path], sample: int | None = None) -> list[Verifie
             elif path.suffix == ".md":
                 found.append(verify_document(path))
             else:
-                found.append(verify_page(path, Path(place), sample))
+                found.append(verify_page(path, Path(place), sample, seed))
     return found
 
 
@@ -113,11 +114,11 @@ def verify_document(path: Path) -> Verified:
     return Verified(page=str(path), inputs=len(files), figures=many, shown=many, mismatches=stale)
 
 
-def verify_page(page: Path, place: Path, sample: int | None = None) -> Verified:
+def verify_page(page: Path, place: Path, sample: int | None = None, seed: int = 0) -> Verified:
     """Verify one page, made again below ``place``.
 
-    ``sample`` is the number of figures that are compared, another choice for each content of the
-    page; None for all.
+    ``sample`` is the number of figures, and of errors of a sub-model, that are compared, drawn by
+    ``seed``; None for all.
     """
     try:
         html = content(page, "name a page of the report or of a command").decode()
@@ -134,10 +135,10 @@ def verify_page(page: Path, place: Path, sample: int | None = None) -> Verified:
         if not changed:
             raise
         return found(figures=0, note=str(error))
-    drawn = sorted(ids, key=lambda one: sha256(f"{one} {html}".encode()).digest())[:sample]
+    drawn = Random(seed).sample(ids, min(sample or len(ids), len(ids)))
     wrong = [*_compared(record, html, again, drawn if sample else [TEXT, *ids])]
     if not changed:
-        wrong += _scores_again(record, sample)
+        wrong += _scores_again(record, sample, seed)
     made = record.made.code
     note = "" if code == made else f"made by code {made[:12]}, verified by {code[:12]}"
     return found(figures=len(drawn), mismatches=tuple(wrong), note=note)
@@ -248,7 +249,7 @@ def _around(one: str, other: str, most: int = 60) -> tuple[str, str]:
 # ---- errors of a sub-model, from its predictions
 
 
-def _scores_again(record: PageRecord, most: int | None) -> Iterator[Mismatch]:
+def _scores_again(record: PageRecord, most: int | None, seed: int) -> Iterator[Mismatch]:
     """Errors of the verdict of a sub-model's page that its predictions do not give."""
     name = next((one for one in submodels() if record.page.endswith(f"_{one}.html")), "")
     verdicts = [Path(one) for one in record.files if one.endswith(f"/{name}/verdict.json")]
@@ -270,7 +271,8 @@ def _scores_again(record: PageRecord, most: int | None) -> Iterator[Mismatch]:
         for score in scores_of(frame, target, verdict.judged_role or "held_out", beyond,
                                len(model.trained_on))
     }  # fmt: skip
-    for was in verdict.scores[:most]:
+    many = len(verdict.scores)
+    for was in Random(seed).sample(verdict.scores, min(most or many, many)):
         now = again.get((was.quantity, was.regime, was.role, was.group), was)
         for key in ERRORS:
             old, new = getattr(was, key), getattr(now, key)

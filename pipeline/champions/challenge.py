@@ -11,6 +11,7 @@ from pipeline.champions.serving import (
     fill_champion,
     made_with,
     names_of,
+    numbers_of,
     params_of,
     promotion_settings,
     serving_of,
@@ -50,8 +51,7 @@ def decide(
     """Judge the newest bundle, or registered version ``to``, against the champion.
 
     With ``seal`` the bundle is registered, and the sealed set is looked at where all other rules
-    are kept, or with ``anyway``; without it nothing changes, and a bundle that is not registered
-    is version 0.
+    are kept; without it nothing changes, and a bundle that is not registered is version 0.
     The second value is the hash of the sealed set where it was looked at, else empty.
     Raises ValueError when there is no champion, no challenger or no such version.
     """
@@ -60,19 +60,24 @@ def decide(
     if now is None:
         raise ValueError(f"{machine} has no champion yet: run `dvc repro` to register the first")
     if now.bundle == challenger.sha256:
-        return _accepted(machine, now, challenger, to), ""
+        return _accepted(machine, now, challenger, to, anyway=anyway), ""
     champion = fill_champion(machine, now.bundle, names, root)
     number = next((v.version for v in versions(machine, root) if v.bundle == challenger.sha256), 0)
     if seal:
         made = partial(made_with, machine, names, root)
-        number = register(challenger, folder, root, made_with=made).version
+        known = numbers_of(machine, root)
+        number = register(challenger, folder, root, made_with=made, numbers=known).version
         if to is None:
             name_versions(machine, root, challenger=challenger.sha256)
-    both = [n for n, one in challenger.submodels.items()
-            if n in champion.submodels and champion.submodels[n].sha256 != one.sha256]  # fmt: skip
+    before = {name: one.sha256 for name, one in champion.submodels.items()}
+    changed = [name for name, one in challenger.submodels.items()
+               if before.get(name, one.sha256) != one.sha256]  # fmt: skip
     serving = tuple(name for name in champion.submodels if now.serves(name))
+    serve = tuple(n for n in challenger.submodels if n in (*serving_of(challenger), *serving))
     sets = read_golden(root / DATA / "golden" / f"{machine}.json")
 
+    # what neither serves nor would is compared nowhere: nothing rests on it
+    both = [name for name in changed if name in serve]
     met = _comparison(machine, both, (root / DATA / "champion" / machine, folder), root, sets)
     rules = first_rules(
         met("golden"), met("newest day"),
@@ -81,18 +86,20 @@ def decide(
     decision = Decision(
         machine=machine, origin=challenger.origin,
         champion=_side(now.version, champion), challenger=_side(number, challenger),
-        changed=tuple(both), golden=sets.golden.sha256 if sets and sets.golden else "",
-        rules=tuple(rules), serving=_serving(serving, challenger, anyway), anyway=anyway,
+        changed=tuple(changed), golden=sets.golden.sha256 if sets and sets.golden else "",
+        rules=tuple(rules), serving=serve, anyway=anyway,
     )  # fmt: skip
-    if not (seal and sets and sets.sealed and (anyway or decision.may_serve)):
+    if not (seal and sets and sets.sealed and decision.may_serve):
         return decision, ""
     sealed = met("sealed")
-    last = sealed_rule(sealed, {*serving, *decision.serving})
+    last = sealed_rule(sealed)
     looked = sets.sealed.sha256 if sealed else ""  # where nothing was compared nothing was seen
     return replace(decision, rules=(*rules, last)), looked
 
 
-def _accepted(machine: str, now: Champion, bundle: Bundle, to: int | None) -> Decision:
+def _accepted(
+    machine: str, now: Champion, bundle: Bundle, to: int | None, *, anyway: bool
+) -> Decision:
     """Decision on the first bundle, which serves and which nobody had chosen."""
     if to is None:
         raise ValueError(f"{machine} has no challenger: run `dvc repro` on new records to make one")
@@ -103,7 +110,7 @@ def _accepted(machine: str, now: Champion, bundle: Bundle, to: int | None) -> De
     return Decision(
         machine=machine, origin=bundle.origin, champion=_side(to, bundle),
         challenger=_side(to, bundle), changed=(), golden="", rules=(rule,),
-        serving=now.serving or (),
+        serving=now.serving or (), anyway=anyway,
     )  # fmt: skip
 
 
@@ -128,15 +135,6 @@ def _challenger(
 def _side(version: int, bundle: Bundle) -> Side:
     return Side(version=version, bundle=bundle.sha256,
                 statuses={name: one.status for name, one in bundle.submodels.items()})  # fmt: skip
-
-
-def _serving(serving: Sequence[str], challenger: Bundle, anyway: bool) -> tuple[str, ...]:
-    """Sub-models that serve after a promotion: those that passed, and those that do already."""
-    if anyway:
-        return tuple(challenger.submodels)
-    return tuple(
-        name for name in challenger.submodels if name in (*serving_of(challenger), *serving)
-    )
 
 
 def _comparison(
@@ -165,6 +163,7 @@ def _comparison(
         return Records(**{one: getattr(every, one) for one in submodel(name).reads})
 
     def met(look: Look) -> list[Contest]:
+        continuous = [name for name in names if "clean" in submodel(name).reads]
         found = [
             contest(
                 submodel(name), judging_of(submodel(name), values, machine),
@@ -172,7 +171,7 @@ def _comparison(
                 sets=sets, champion=folders[0] / name, challenger=folders[1] / name,
                 settings=settings, look=look, tests=tests,
             )
-            for name in names
+            for name in (continuous if look == "newest day" else names)
         ]  # fmt: skip
         return [one for one in found if one is not None]
 

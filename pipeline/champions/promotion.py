@@ -4,7 +4,6 @@ The entry comes first and is what counts; files, ``champions.json`` and aliases 
 brought up by the next command where a run broke off between them.
 """
 
-import fcntl
 import getpass
 import hashlib
 import os
@@ -18,26 +17,29 @@ from typing import Any
 from pipeline.champions.serving import (
     DATA,
     bundle_place,
-    champion_in,
     champion_of,
     fill_champion,
     history_of,
     history_path,
+    locked,
     names_of,
     newest_bundle,
     promotion_settings,
     refilled,
 )
-from pipeline.registry.history import claim, delete_version, log_decision, server_history
+from pipeline.registry.history import claim, log_decision, server_history
+from pipeline.registry.loading import delete_version
 from pipeline.registry.provenance import CHAMPIONS, git
 from pipeline.registry.sqlite import Version
 from pipeline.registry.store import is_shared, name_versions, offline, versions
 from pipeline.schema.bundle import Champion, read_champions, stored_bundle, write_champions
 from pipeline.schema.decision import Decision
+from pipeline.schema.files import remove_folder
 from pipeline.schema.history import (
     SERVING,
     Entry,
     Event,
+    champion_in,
     document_of,
     hours_since,
     left_at,
@@ -46,10 +48,22 @@ from pipeline.schema.history import (
     standing,
     write_history,
 )
-from pipeline.schema.store import json_text, write_text
+from pipeline.schema.store import json_text, read_json, write_text
 
 REFERENCE = "reference"
 """Alias of a version that is kept as a reference."""
+
+
+class RefusedError(ValueError):
+    """A challenger that the rules of the gate refuse, with the decision."""
+
+    def __init__(self, decision: Decision, document: Path, unnoted: str) -> None:
+        super().__init__(
+            f"version {decision.challenger.version} of {decision.machine} may not serve in the "
+            f"place of version {decision.champion.version} by {decision.broken}: mend that, or "
+            f"promote it with --anyway; {document} holds the decision{unnoted}"
+        )
+        self.decision = decision
 
 
 def person(root: Path) -> str:
@@ -86,8 +100,8 @@ def promote(
 
     ``why`` goes into the history; ``by`` is git's user where it is empty; ``anyway`` lets one serve
     against the rules; ``now`` is the time of the entry.  The decision is stored either way.
-    Raises ValueError when there is no reason, no challenger or no such version, when the rules
-    refuse it, and when somebody else promoted another meanwhile.
+    Raises RefusedError when the rules refuse it, and ValueError when there is no reason, no
+    challenger or no such version, and when somebody else promoted another meanwhile.
     """
     from pipeline.champions.challenge import decide
 
@@ -96,13 +110,13 @@ def promote(
     with changing(machine, root):
         decision, sealed = decide(machine, champion_of(machine, root), root, to=to, anyway=anyway)
         decision = replace(decision, at=at, by=by, why=why)
-        document = json_text(decision)
+        text = json_text(decision)
         entry = _added(
-            machine, root, document, event="promoted" if decision.promoted else "refused",
+            machine, root, text, event="promoted" if decision.promoted else "refused",
             version=decision.challenger.version, bundle=decision.challenger.bundle, at=at, by=by,
             why=why, serving=decision.serving if decision.promoted else (), sealed=sealed,
             anyway=decision.overridden, rules=decision.objections,
-            decision=hashlib.sha256(document.encode()).hexdigest(),
+            decision=hashlib.sha256(text.encode()).hexdigest(),
         )  # fmt: skip
         known = [v for v in versions(machine, root) if v.bundle == entry.bundle]
         unnoted = ""
@@ -111,14 +125,22 @@ def promote(
         except ValueError as error:  # the entry counts, MLflow's note of it does not
             unnoted = f"; only MLflow has no note of it: {error}"
         if not decision.promoted:
-            raise ValueError(
-                f"version {entry.version} of {machine} may not serve: {decision.objections}; "
-                f"`kerf history -m {machine}` holds it{unnoted}"
-            )
+            document = document_of(history_path(machine, root), entry)
+            raise RefusedError(decision, document.relative_to(root), unnoted)
         champion = _carried_out(entry, root)
         if unnoted:
             raise ValueError(f"version {entry.version} of {machine} serves{unnoted}")
         return champion
+
+
+def decided(machine: str, root: Path = Path()) -> Decision:
+    """Document of the machine's last decision.
+
+    Raises StoreError where there is none.
+    """
+    path, entries = history_path(machine, root), history_of(machine, root)
+    last = next((one for one in reversed(entries) if one.decision), entries[-1])
+    return read_json(document_of(path, last), Decision)
 
 
 def rollback(
@@ -148,9 +170,9 @@ def rollback(
         others = {e.bundle: e for e in served(history) if e.bundle not in (champion.bundle, *gone)}
         before = standing(history)[:-1] if to is None else others.values()
         back = [e for e in before if e.bundle in others
-                and to in (None, numbers.get(e.bundle, e.version))]  # fmt: skip
+                and to in (None, e.version, numbers.get(e.bundle))]  # fmt: skip
         if not back:
-            there = ", ".join(str(numbers.get(e.bundle, e.version)) for e in others.values())
+            there = ", ".join(str(e.version) for e in others.values())
             which = f"no version served {machine} before version {champion.version}"
             if to is not None:
                 which = f"version {to} of {machine} never served beside the present one"
@@ -180,8 +202,10 @@ def delete(
     why: str,
     by: str = "",
     now: datetime | None = None,
-) -> None:
-    """Take a version out of the registry, unless it serves, is warm, or is a reference.
+) -> int:
+    """Take a version, with its files, out of the registry; bytes that are free by it.
+
+    It stays where it serves, is warm, or is a reference.
 
     Raises ValueError when it is one of these, or there is no such version or reason.
     """
@@ -196,7 +220,10 @@ def delete(
             raise ValueError(f"version {version} of {machine} {reason}: it cannot be deleted")
         _added(machine, root, event="deleted", version=version, bundle=found[0].bundle,
                at=moment, by=by, why=why)  # fmt: skip
-        delete_version(found[0], root)
+        warm = root / DATA / "warm" / machine
+        there = stored_bundle(warm, machine)
+        freed = remove_folder(warm) if there and there.sha256 == found[0].bundle else 0
+        return freed + delete_version(found[0], root)
 
 
 def retained(version: Version, root: Path, moment: str) -> str:
@@ -237,12 +264,12 @@ def events(machine: str, root: Path = Path()) -> tuple[Entry, ...]:
 
 @contextmanager
 def changing(machine: str, root: Path) -> Iterator[None]:
-    """Hold a machine for one change; first whatever broke off, or others did, is brought up."""
-    (root / DATA).mkdir(parents=True, exist_ok=True)
-    with (root / DATA / f".{machine}.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        names = names_of(machine, root)
-        refilled(machine, names, root)
+    """Hold a machine for one change; first whatever broke off, or others did, is brought up.
+
+    Raises ValueError where the server of a shared registry does not answer.
+    """
+    refilled(machine, names_of(machine, root), root)
+    with locked(machine, root):
         _take_over(machine, root)
         serving = served(history_of(machine, root))
         if not serving and machine in read_champions(root / CHAMPIONS).machines:
@@ -305,11 +332,13 @@ def _added(machine: str, root: Path, document: str = "", *, event: Event, **fiel
 
 def _note_present(machine: str, root: Path) -> None:
     """Bring champions.json to the history: what serves, and the hash of the last entry."""
-    entries, champions = history_of(machine, root), read_champions(root / CHAMPIONS)
-    for last in served(entries)[-1:]:
-        wanted = champions.promoted(machine, champion_in(last), entries[-1].sha256)
-        if wanted != champions:
-            write_champions(wanted, root / CHAMPIONS)
+    entries = history_of(machine, root)
+    with locked("champions", root):
+        champions = read_champions(root / CHAMPIONS)
+        for last in served(entries)[-1:]:
+            wanted = champions.promoted(machine, champion_in(last), entries[-1].sha256)
+            if wanted != champions:
+                write_champions(wanted, root / CHAMPIONS)
 
 
 def _beginning(machine: str, root: Path) -> tuple[Entry, ...]:

@@ -1,16 +1,21 @@
 """What serves: the champion of each machine, its files, and what the registry holds of it."""
 
+import fcntl
+import logging
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from math import inf
 from pathlib import Path
 from typing import Any
 
 from pipeline.registry.history import server_history
 from pipeline.registry.loading import checked_place
 from pipeline.registry.provenance import CHAMPIONS
-from pipeline.registry.runs import register
+from pipeline.registry.runs import MadeWith, register, renumber
 from pipeline.registry.sqlite import ARTIFACTS, Version
-from pipeline.registry.store import DATABASE, name_versions, offline, versions
+from pipeline.registry.store import DATABASE, is_shared, name_versions, offline, versions
 from pipeline.schema.bundle import (
     BUNDLE,
     VERDICT,
@@ -22,10 +27,11 @@ from pipeline.schema.bundle import (
     stored_bundle,
 )
 from pipeline.schema.decision import PromotionSettings
-from pipeline.schema.history import Entry, read_history, served
+from pipeline.schema.history import Entry, champion_in, read_history, served
 from pipeline.schema.store import StoreError, read_json
 from pipeline.schema.verdict import Verdict
 
+LOG = logging.getLogger("pipeline.champions")
 DATA = Path("data")
 NO_SUBMODEL = "none in this fleet: its page says what to record"
 EXPERIMENT_RUN = "DVC_EXP_BASELINE_REV"
@@ -38,19 +44,12 @@ def history_of(machine: str, root: Path = Path()) -> tuple[Entry, ...]:
 
     Raises StoreError where it is not, see :func:`~pipeline.schema.history.read_history`.
     """
-    last = read_champions(root / CHAMPIONS).histories.get(machine, "")
-    return read_history(history_path(machine, root), last)
+    return read_history(history_path(machine, root), elsewhere=is_shared())
 
 
 def history_path(machine: str, root: Path = Path()) -> Path:
     """File of the machine's history."""
     return root / DATA / "history" / f"{machine}.jsonl"
-
-
-def champion_in(entry: Entry) -> Champion:
-    """Champion by an entry from which on it serves."""
-    return Champion(version=entry.version, bundle=entry.bundle, since=entry.at, by=entry.by,
-                    why=entry.reason, serving=entry.serving)  # fmt: skip
 
 
 def champion_of(machine: str, root: Path = Path()) -> Champion | None:
@@ -85,20 +84,30 @@ def first_serving(newest: Bundle, registered: Sequence[Version]) -> str:
     return newest.sha256 if newest.status == "passed" or not passed else passed[-1]
 
 
+def numbers_of(machine: str, root: Path = Path()) -> dict[int, str]:
+    """Bundles that the history, or champions.json, names by their versions: each for ever."""
+    chosen = read_champions(root / CHAMPIONS).machines.get(machine)
+    named = [(e.version, e.bundle)
+             for e in (*server_history(machine, root), *history_of(machine, root))]  # fmt: skip
+    named += [(chosen.version, chosen.bundle)] if chosen else []
+    return {number: bundle for number, bundle in reversed(named) if number}
+
+
 def keep_serving(machine: str, names: Sequence[str], root: Path = Path()) -> Champion:
     """Register missing bundles of a machine, and fill ``data/champion`` with the one that serves.
 
     It is the promoted bundle, else the one that serves already, else the newest.  Raises StoreError
     when a model is missing or broken; ValueError when the bundle of champions.json lies nowhere.
     """
-    models, serves = root / DATA / "models" / machine, root / DATA / "champion" / machine
-    newest, champion = bundle_of(models, machine, names), champion_of(machine, root)
-    held = stored_bundle(serves, machine)
-    if champion is not None and held is not None and held.sha256 == champion.bundle:
-        register(held, serves, root)
+    with locked(machine, root):
+        return _kept(machine, names, root)
+
+
+def _kept(machine: str, names: Sequence[str], root: Path) -> Champion:
+    newest = bundle_of(root / DATA / "models" / machine, machine, names)
+    champion = champion_of(machine, root)
     experiment = bool(os.environ.get(EXPERIMENT_RUN))  # what it makes challenges nobody
-    if not experiment:
-        register(newest, models, root, made_with=lambda: made_with(machine, names, root))
+    _register_all(machine, names, root, champion, None if experiment else newest)
     wanted = champion.bundle if champion else first_serving(newest, versions(machine, root))
     filled = fill_champion(machine, wanted, names, root)
     champion = champion_of(machine, root) or first_champion(filled, root)
@@ -111,13 +120,62 @@ def keep_serving(machine: str, names: Sequence[str], root: Path = Path()) -> Cha
     return champion
 
 
+def _register_all(
+    machine: str, names: Sequence[str], root: Path, champion: Champion | None, newest: Bundle | None
+) -> None:
+    """Register what the history names, in the order of its numbers, and then the newest bundle."""
+    numbers, before = numbers_of(machine, root), versions(machine, root)
+    for one in before:
+        if numbers.get(one.version, one.bundle) != one.bundle:
+            LOG.warning(
+                "version %d of %s in the registry is version %d now: in its history %d is another "
+                "bundle", one.version, machine, renumber(one, root, numbers), one.version,
+            )  # fmt: skip
+    own = {bundle: number for number, bundle in numbers.items()}
+    gone = {e.bundle for e in history_of(machine, root) if e.event == "deleted"}
+    found: list[tuple[Bundle, Path, MadeWith]] = []
+    for name in ("warm", "champion"):
+        folder = root / DATA / name / machine
+        there = stored_bundle(folder, machine)
+        known = own if name == "warm" else {champion.bundle} if champion else ()
+        if there is not None and there.sha256 in known and there.sha256 not in gone:
+            found.append((there, folder, dict))
+    if newest is not None:
+        found.append((newest, root / DATA / "models" / machine,
+                      partial(made_with, machine, names, root)))  # fmt: skip
+    for bundle, folder, settings in sorted(found, key=lambda one: own.get(one[0].sha256, inf)):
+        register(bundle, folder, root, made_with=settings, numbers=numbers)
+    if numbers and not before:
+        again = ", ".join(str(one.version) for one in versions(machine, root))
+        LOG.warning(
+            "the registry had no version of %s: it holds %s now, by the numbers of its history, "
+            "and counts on after %d",
+            machine, again, max(numbers),
+        )  # fmt: skip
+
+
 def refilled(machine: str, names: Sequence[str], root: Path) -> Champion | None:
-    """The champion; a store that lacks it, deleted or another server, is filled first."""
-    champion = champion_of(machine, root)
-    known = {v.bundle for v in versions(machine, root)}
-    if champion is None or champion.bundle in known or newest_bundle(machine, names, root) is None:
+    """The champion; a store that lacks it, or counts otherwise than its history, is filled first.
+
+    Raises ValueError as :func:`keep_serving` does.
+    """
+    champion, numbers = champion_of(machine, root), numbers_of(machine, root)
+    known = versions(machine, root)
+    right = all(numbers.get(v.version, v.bundle) == v.bundle for v in known)
+    if champion is None or newest_bundle(machine, names, root) is None or (
+        right and champion.bundle in {v.bundle for v in known}
+    ):  # fmt: skip
         return champion
     return keep_serving(machine, names, root)
+
+
+@contextmanager
+def locked(what: str, root: Path) -> Iterator[None]:
+    """Hold a machine, or ``champions``, the file of all, against others who change it."""
+    (root / DATA).mkdir(parents=True, exist_ok=True)
+    with (root / DATA / f".{what}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def fill_champion(

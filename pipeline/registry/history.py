@@ -6,7 +6,6 @@ two people who promote at once one is the first, and the other sees it.
 """
 
 from pathlib import Path
-from typing import Any
 
 from pipeline.registry.provenance import plain
 from pipeline.registry.runs import HEAD, as_description
@@ -14,6 +13,7 @@ from pipeline.registry.sqlite import Note, Version
 from pipeline.registry.store import (
     client_of,
     is_shared,
+    logged_model,
     made_by_another,
     model_name,
     note,
@@ -68,7 +68,7 @@ def claim(entry: Entry, root: Path) -> tuple[Entry, ...]:
         model = client.get_model_version(model_name(entry.machine), str(known[-1].version))
         client.create_model_version(
             name, model.source, known[-1].run or None, tags={ENTRY: entry.line},
-            model_id=_logged(model) or None,
+            model_id=logged_model(model) or None,
             description=f"{entry.event}: version {entry.version}, {entry.by}, {entry.why}",
         )  # fmt: skip
     return server_history(entry.machine, root)
@@ -97,21 +97,3 @@ def log_decision(decision: Decision, version: Version, root: Path) -> None:
             files={f"{GATE}/decision.json": json_text(decision)} if version.run else {},
         ),
     )  # fmt: skip
-
-
-def delete_version(version: Version, root: Path) -> None:
-    """Take a version, and the files of its model, out of the registry.
-
-    Raises ValueError where the store cannot be written.
-    """
-    client, name = client_of(root), model_name(version.machine)
-    with reached("written"):
-        stored = client.get_model_version(name, str(version.version))
-        client.delete_model_version(name, str(version.version))
-        if logged := _logged(stored):
-            client.delete_logged_model(logged)
-
-
-def _logged(version: Any) -> str:
-    """Id of the logged model of a version, which a server leaves out; empty without one."""
-    return version.model_id or version.source.rpartition("models:/")[2]

@@ -12,11 +12,13 @@ from pipeline.registry.sqlite import ARTIFACTS, Version, local_place
 from pipeline.registry.store import (
     DATABASE,
     client_of,
+    logged_model,
     model_name,
     reached,
     versions,
 )
 from pipeline.schema.bundle import stored_bundle
+from pipeline.schema.files import remove_folder
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -108,6 +110,47 @@ def place_of(version: Version, root: Path, part: Path = Path()) -> Path:
         f"the bundle of {version.machine} version {version.version} is neither in {moved} nor "
         f"in {stored}: bring {ARTIFACTS} along with {DATABASE}"
     ) from reason
+
+
+def delete_version(version: Version, root: Path) -> int:
+    """Take a version, and the files of its model, out of the registry; bytes that are free by it.
+
+    Files of which another version is made stay.  Raises ValueError where the store cannot be
+    written.
+    """
+    client, name, old = client_of(root), model_name(version.machine), str(version.version)
+    with reached("written"):
+        stored = client.get_model_version(name, old)
+        address = version.place or client.get_model_version_download_uri(name, old)
+        known = client.search_model_versions(f"name='{name}'")
+        alone = [v.version for v in known if v.source == stored.source] == [stored.version]
+        freed = _deleted(address, root) if alone else 0
+        if alone and (logged := logged_model(stored)):
+            client.delete_logged_model(logged)
+        client.delete_model_version(name, old)
+    return freed
+
+
+def _deleted(stored: str, root: Path) -> int:
+    """Bytes of the files at an address and of what was brought of it, which are deleted."""
+    kept = root / ARTIFACTS / FROM_SERVER / hashlib.sha256(stored.encode()).hexdigest()[:32]
+    local = local_place(stored, root)
+    freed = sum(remove_folder(place) for place in (local, *kept.parent.glob(f"{kept.name}*")))
+    if local.name == "artifacts":
+        with suppress(OSError):  # something else is in the model's folder
+            local.parent.rmdir()
+    if urlparse(stored).scheme in ("", "file"):
+        return freed
+    from mlflow.store.artifact.artifact_repository_registry import get_artifact_repository
+
+    there = get_artifact_repository(stored)
+    folders: list[str | None] = [None]
+    for folder in folders:  # grows
+        found = there.list_artifacts(folder)
+        folders += [one.path for one in found if one.is_dir]
+        freed += sum(one.file_size or 0 for one in found if not one.is_dir)
+    there.delete_artifacts()
+    return freed
 
 
 def _brought(stored: str, part: Path, kept: Path) -> Path:

@@ -20,10 +20,11 @@ from pipeline.registry.provenance import (
     requirements,
     training_files,
 )
-from pipeline.registry.sqlite import Version
+from pipeline.registry.sqlite import BUNDLE_TAG, Version
 from pipeline.registry.store import (
     client_of,
     experiment_of,
+    logged_model,
     made_by_another,
     model_name,
     reached,
@@ -63,24 +64,71 @@ MadeWith = Callable[[], Mapping[str, Any]]
 
 
 def register(
-    bundle: Bundle, folder: Path, root: Path = Path(), *, made_with: MadeWith = dict
-) -> Version:
+    bundle: Bundle, folder: Path, root: Path = Path(), *, made_with: MadeWith = dict,
+    numbers: Mapping[int, str],
+) -> Version:  # fmt: skip
     """Version of a bundle; logged and registered unless its content is there already.
 
-    ``folder``: ``data/models/<machine>`` or ``data/champion/<machine>``; ``made_with`` settings are
-    logged with the run.  Raises ValueError when the registry cannot be opened or written.
+    ``folder`` holds the bundle; ``made_with`` settings are logged with the run; ``numbers`` are the
+    hashes of the bundles that a history knows by their versions, see :func:`_numbered`.
+    Raises ValueError when the registry cannot be opened or written.
     """
     there = [v for v in versions(bundle.machine, root) if v.bundle == bundle.sha256]
     if there:
         return there[0]
     client = client_of(root)
     with reached("written"):
-        _log(bundle, folder, root, experiment_of(client, root), made_with())
+        _log(bundle, folder, root, experiment_of(client, root), made_with(), numbers)
     return next(v for v in versions(bundle.machine, root) if v.bundle == bundle.sha256)
 
 
+def renumber(version: Version, root: Path, numbers: Mapping[int, str]) -> int:
+    """New number of a version whose number is that of another bundle; see :func:`_numbered`.
+
+    Raises ValueError when the registry cannot be read or written.
+    """
+    client, name, old = client_of(root), model_name(version.machine), str(version.version)
+    with reached("written"):
+        stored = client.get_model_version(name, old)
+        number = _numbered(client, name, numbers, version.tags, source=stored.source,
+                           run=version.run, description=version.description,
+                           model_id=logged_model(stored))  # fmt: skip
+        for alias in version.aliases:
+            client.set_registered_model_alias(name, alias, str(number))
+        client.delete_model_version(name, old)
+    return number
+
+
+def _numbered(
+    client: Any, name: str, numbers: Mapping[int, str], tags: Mapping[str, str], *, source: str,
+    run: str, description: str, model_id: str,
+) -> int:  # fmt: skip
+    """Number of a new version: its bundle's own one, else one after all that the history knows.
+
+    MLflow counts on from the highest number that it has given, deleted ones included
+    (``max_version + 1`` in ``sqlalchemy_store.create_model_version``), so versions are added and
+    deleted until it comes to the number.  One is there when it has the tag of its bundle.
+    """
+    sha256, last = tags[BUNDLE_TAG], max(numbers, default=0)
+    others = {key: value for key, value in tags.items() if key != BUNDLE_TAG}
+    while True:
+        made = client.create_model_version(
+            name, source, run, tags=others, model_id=model_id, description=description
+        )
+        number = int(made.version)
+        if number > last or numbers.get(number) == sha256:
+            client.set_model_version_tag(name, made.version, BUNDLE_TAG, sha256)
+            return number
+        client.delete_model_version(name, made.version)
+
+
 def _log(
-    bundle: Bundle, folder: Path, root: Path, experiment: str, made_with: Mapping[str, Any]
+    bundle: Bundle,
+    folder: Path,
+    root: Path,
+    experiment: str,
+    made_with: Mapping[str, Any],
+    numbers: Mapping[int, str],
 ) -> None:
     import mlflow
 
@@ -108,11 +156,8 @@ def _log(
     if not client.search_registered_models(f"name='{name}'"):
         with made_by_another():
             client.create_registered_model(name)
-    # all at once: a version that there is has all its tags
-    client.create_model_version(
-        name, f"models:/{model_id}", run.info.run_id, tags=tags, model_id=model_id,
-        description=as_description(card),
-    )  # fmt: skip
+    _numbered(client, name, numbers, tags, source=f"models:/{model_id}", run=run.info.run_id,
+              description=as_description(card), model_id=model_id)  # fmt: skip
 
 
 def _log_pyfunc(

@@ -17,6 +17,8 @@ from pipeline.schema.store import write_text
 
 SCHEMA = "dc11669786a5"
 """Revision of the tables that is written here; MLflow itself writes to another."""
+BUNDLE_TAG = "bundle_sha256"
+"""Tag of a version with the hash of its bundle; one without it is not registered yet."""
 ARTIFACTS = "mlartifacts"
 """Folder of the files of runs and models, beside the SQLite file."""
 
@@ -66,7 +68,7 @@ def version_of(
 ) -> Version:  # fmt: skip
     """A version by what a store holds of it; ``created`` is a time since 1970 [ms]."""
     return Version(
-        machine=machine, version=number, bundle=tags.get("bundle_sha256", ""),
+        machine=machine, version=number, bundle=tags.get(BUNDLE_TAG, ""),
         status=tags.get("status", ""), tags=tags,
         aliases=tuple(sorted(alias for alias, n in aliases.items() if n == number)),
         created=stamp(datetime.fromtimestamp(created / 1000, UTC)),

@@ -2,12 +2,12 @@
 
 import hashlib
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from pipeline.registry.sqlite import (
@@ -96,17 +96,22 @@ def versions(machine: str, root: Path = Path()) -> list[Version]:
         return []
     name = model_name(machine)
     if not is_server():
-        return read_versions(machine, name, root / DATABASE)
+        return _whole(read_versions(machine, name, root / DATABASE))
     client = client_of(root)
     with reached("read", "do this again when it answers"):
         found = client.search_model_versions(f"name='{name}'")
         aliases = client.get_registered_model(name).aliases if found else {}
     numbers = {alias: int(number) for alias, number in aliases.items()}
-    return [
+    return _whole(
         version_of(machine, int(v.version), dict(v.tags), numbers, v.creation_timestamp,
                    run=v.run_id, description=v.description)
         for v in sorted(found, key=lambda one: int(one.version))
-    ]  # fmt: skip
+    )  # fmt: skip
+
+
+def _whole(found: Iterable[Version]) -> list[Version]:
+    """Versions with a bundle: one that is being registered has none yet."""
+    return [one for one in found if one.bundle]
 
 
 def note(machine: str, root: Path, changes: Note) -> None:
@@ -139,11 +144,19 @@ def note(machine: str, root: Path, changes: Note) -> None:
             client.log_text(changes.run, text, path)
 
 
+def logged_model(version: Any) -> str:
+    """Id of the logged model of MLflow's version, which a server leaves out; else empty."""
+    return version.model_id or version.source.rpartition("models:/")[2]
+
+
 def client_of(root: Path) -> "MlflowClient":
     """A client of the project's store, which is made when it is missing.
 
     Raises ValueError when the store cannot be opened.
     """
+    if said := offline():  # before MLflow is imported and tries it three times
+        _silent.cache_clear()
+        raise ValueError(f"{said}: do this again when it does")
     for setting, value in QUIET.items():
         os.environ.setdefault(setting, value)
     import logging

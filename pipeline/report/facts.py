@@ -201,7 +201,8 @@ def serving(
     older = tuple(name for name in names if latest.get(name) != champion.get(name))
     history: tuple[Entry, ...] = ()
     broken = ""
-    if folders.history is not None and shelf.text(folders.history, CHOICES) is not None:
+    if folders.history is not None:
+        shelf.text(folders.history, CHOICES)
         try:
             history = read_history(folders.history)
         except StoreError as error:

@@ -65,9 +65,13 @@ def _state(facts: "MachineFacts", held: "Serving", entries: tuple[Entry, ...]) -
         first, anyway = "The first bundle serves; nobody has promoted another yet.", ""
     idle = [f"{facts.titles([n])} ({one})" for n, one in statuses.items() if n not in does]
     said = f"It serves with {facts.titles(list(does))}." if does else "No sub-model of it serves."
+    unproven = [f"{facts.titles([n])} ({statuses[n]})" for n in does
+                if statuses.get(n, "passed") != "passed"]  # fmt: skip
+    if unproven:
+        said += f" Of these did not pass: {', '.join(unproven)}."
     if idle:
         said += f" Without: {', '.join(idle)}."
-    status: Status = "attention" if anyway or idle else "passed"
+    status: Status = "attention" if anyway or idle or unproven else "passed"
     broken = [held.broken] if held.broken else []
     return status, "serves" if does else "does not serve", [first + anyway, said, *broken]
 

@@ -4,7 +4,7 @@ Rules are judged in the order of :data:`RULES`.  A challenger may serve when non
 "better" is kept; what has no data, and what lies within the spread of trainings, is said.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -144,6 +144,26 @@ class Decision:
     def overridden(self) -> bool:
         """Whether it serves against the rules."""
         return self.anyway and not self.may_serve
+
+    @property
+    def unproven(self) -> str:
+        """Sub-models that serve by it without having passed: ``"drive failed, …"``."""
+        return self._named(name for name in self.serving if name in self.challenger.statuses)
+
+    @property
+    def idle(self) -> str:
+        """Sub-models that do not serve by it, with their status."""
+        return self._named(name for name in self.challenger.statuses if name not in self.serving)
+
+    def _named(self, names: Iterable[str]) -> str:
+        statuses = {name: self.challenger.statuses[name] for name in names}
+        return ", ".join(f"{name} {one}" for name, one in statuses.items() if one != "passed")
+
+    @property
+    def broken(self) -> str:
+        """Names of the rules that keep it from serving: ``"rule 'better'"``, ``"rules …"``."""
+        names = ", ".join(repr(one.name) for one in self.against)
+        return f"rule{'s' if len(self.against) > 1 else ''} {names}"
 
     @property
     def objections(self) -> str:

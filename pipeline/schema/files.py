@@ -7,6 +7,7 @@ part of either.  The cache holds what is worked out once and may be deleted at a
 import atexit
 import ctypes
 import os
+import shutil
 import signal
 import sys
 from collections.abc import Iterable, Iterator
@@ -172,6 +173,13 @@ def _remove(part: Path) -> None:
     with suppress(OSError):
         part.unlink(missing_ok=True)
     _begun.discard(part)
+
+
+def remove_folder(folder: Path) -> int:
+    """Remove a folder with all in it, if it is there; its bytes."""
+    size = sum(one.lstat().st_size for one in folder.rglob("*") if not one.is_dir())
+    shutil.rmtree(folder, ignore_errors=True)
+    return size
 
 
 def exchange(one: Path, other: Path) -> None:

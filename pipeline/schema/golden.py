@@ -47,9 +47,12 @@ class FrozenSet:
 
     @property
     def sha256(self) -> str:
-        """One hash of the whole set: of its files' names and hashes."""
-        lines = "".join(f"{f.sha256}  {f.file}\n" for f in self.files)
-        return hashlib.sha256(lines.encode()).hexdigest()
+        """One hash of the whole set: of its files' names and hashes, and of what counts in them."""
+        lines = [f"{one.sha256}  {one.file}\n" for one in self.files]
+        if self.days is not None:
+            lines += [f"{self.days.first} {self.days.last} {self.time_zone}\n"]
+            lines += [f"whole {name}\n" for name in self.whole]
+        return hashlib.sha256("".join(lines).encode()).hexdigest()
 
 
 @dataclass(frozen=True, kw_only=True)

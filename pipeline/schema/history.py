@@ -5,11 +5,12 @@ It answers who served at a time, since when, by whom and why; git holds it.
 
 import hashlib
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Literal
 
+from pipeline.schema.bundle import Champion, read_champions
 from pipeline.schema.store import StoreError, content, json_line, read_lines, write_text
 
 Event = Literal["first", "promoted", "rolled back", "refused", "deleted"]
@@ -62,13 +63,16 @@ class Entry:
         return hashlib.sha256(self.line.encode()).hexdigest()
 
 
-def read_history(path: Path, last: str = "") -> tuple[Entry, ...]:
+def read_history(path: Path, *, elsewhere: bool = False) -> tuple[Entry, ...]:
     """Entries of ``data/history/<machine>.jsonl``, none where there is no such file.
 
-    ``last`` is the hash of an entry that has to be there, as champions.json names it.  Raises
-    StoreError where that is not so, a line does not follow the one before, or the document of a
-    decision is not the one that its entry names.
+    With ``elsewhere`` the documents of decisions may lie on a server alone.  Raises StoreError
+    where a line does not follow the one before, the document of a decision is gone or not the one
+    that its entry names, or champions.json, beside ``data``, names a last entry that is not there,
+    or another champion than the history up to it.
     """
+    champions, machine = read_champions(path.parents[2] / "champions.json"), path.stem
+    last = champions.histories.get(machine, "")
     documents = path.with_suffix("").as_posix()
     remedy = f"restore it with `git checkout champions.json {path.as_posix()} {documents}`"
     found: list[Entry] = []
@@ -78,16 +82,32 @@ def read_history(path: Path, last: str = "") -> tuple[Entry, ...]:
                 f"{where} does not follow the line before, whose sha256 it does not name: {remedy}"
             )
         document = document_of(path, entry)
-        held = content(document, remedy) if entry.decision and document.exists() else None
-        if held is not None and hashlib.sha256(held).hexdigest() != entry.decision:
-            raise StoreError(f"{document} is not the decision that {where} names: {remedy}")
+        if entry.decision and not (elsewhere and not document.exists()):
+            said = content(document, remedy)
+            if hashlib.sha256(said).hexdigest() != entry.decision:
+                raise StoreError(f"{document} is not the decision that {where} names: {remedy}")
         found.append(entry)
-    if last and last not in {one.sha256 for one in found}:
+    if not last:
+        return tuple(found)
+    known = next((n for n, one in enumerate(found, start=1) if one.sha256 == last), 0)
+    if not known:
         raise StoreError(
             f"{path} lacks the entry {last[:12]}, the last one by champions.json; it was changed "
             f"or taken out: {remedy}"
         )
+    chosen, wanted = champions.machines.get(machine), champion_in(served(found[:known])[-1])
+    if chosen is None or replace(chosen, why=wanted.why) != wanted:
+        raise StoreError(
+            f"champions.json does not name version {wanted.version} as champion of {machine} since "
+            f"{wanted.since}, by {wanted.by}, as {path} does: {remedy}"
+        )
     return tuple(found)
+
+
+def champion_in(entry: Entry) -> Champion:
+    """Champion by an entry from which on it serves."""
+    return Champion(version=entry.version, bundle=entry.bundle, since=entry.at, by=entry.by,
+                    why=entry.reason, serving=entry.serving)  # fmt: skip
 
 
 def document_of(path: Path, entry: Entry) -> Path:
@@ -134,9 +154,10 @@ def standing(entries: Iterable[Entry]) -> list[Entry]:
     return found
 
 
-def serving_at(entries: Iterable[Entry], moment: str) -> Entry | None:
-    """Entry of what served at a moment, ``YYYY-MM-DDTHH:MM:SSZ``; None before the first."""
-    return next((one for one in reversed(served(entries)) if one.at <= moment), None)
+def serving_during(entries: Sequence[Entry], first: str, last: str) -> list[Entry]:
+    """Entries of what served from one ``YYYY-MM-DDTHH:MM:SSZ`` to another, oldest first."""
+    return [one for one in served(entries)
+            if one.at <= last and not ((served_until(entries, one) or "Z") <= first)]  # fmt: skip
 
 
 def served_until(entries: Iterable[Entry], entry: Entry) -> str | None:

@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.schema.arrays import Floats, Ints
+from pipeline.schema.predictions import BASELINE
 from pipeline.schema.verdict import Canary, Role
 from pipeline.submodels import scoring
 from pipeline.submodels.contract import Prediction, SeenInputs, Target
@@ -106,9 +107,12 @@ def _of_inputs(quantity: str, one: Explained) -> Canary:
 def _of_predictions(frame: pd.DataFrame, targets: Sequence[Target], deciding: Role) -> list[Canary]:
     """Targets that are predicted as measured bit for bit; none of too few samples."""
     checked, found = 0, []
+    if len(frame):
+        needed = {"case", "quantity", "regime", "scored", "measured", "predicted"}
+        needed |= {BASELINE + name for target in targets for name in target.must_beat}
+        frame = frame.loc[frame["role"] == deciding, frame.columns.isin(list(needed))]
     for target in targets:
         rows = scoring.scored_rows(frame, target)
-        rows = rows[rows["role"] == deciding] if len(rows) else rows
         if len(rows) < SAMPLES or rows["measured"].nunique() < VALUES:
             continue
         checked += 1

@@ -262,36 +262,34 @@ def first_rules(
 ) -> list[Rule]:
     """Rules that are judged before anything sealed is looked at.
 
-    ``contests`` and ``newest`` are of the sub-models that differ, on the golden cases and on the
-    newest day; ``serving`` are the sub-models of the champion that serve: no other can block.
+    ``contests`` and ``newest`` are of the sub-models that differ and serve now or would, on the
+    golden cases and on the newest day; ``serving`` are the sub-models of the champion that serve.
     """
     served = set(serving)
-    rests = served | {n for n, one in challenger.submodels.items() if one.status == "passed"}
     absent = [name for name in champion.submodels if name not in challenger.submodels]
     return [
         _rule("complete", [
             (name in served, f"it has no {name}, which serves" if name in served
              else f"{name} is gone, on which nothing rests") for name in absent
         ]),
-        _rule("unseen", [(one.submodel in rests, word) for one in contests for word in one.learnt]),
-        _rule("canaries", [(one.submodel in rests, f"{one.submodel}: {word}")
+        _rule("unseen", [(True, word) for one in contests for word in one.learnt]),
+        _rule("canaries", [(True, f"{one.submodel}: {word}")
                            for one in contests for word in one.canaries]),
-        _rule("no new failure", _failures(contests, champion, challenger, served)),
+        _rule("no new failure", _failures(contests, challenger, served)),
         _not_worse("not worse", contests, served),
         _not_worse("newest day", newest, served),
         _better(contests, champion, challenger, served),
     ]  # fmt: skip
 
 
-def sealed_rule(contests: Sequence[Contest], serving: Iterable[str]) -> Rule:
-    """Rule of the sealed set: nothing that serves fails anew there, and nothing is worse."""
-    served = set(serving)
+def sealed_rule(contests: Sequence[Contest]) -> Rule:
+    """Rule of the sealed set: nothing that is to serve fails anew there, and nothing is worse."""
     failed = [
         (True, f"its {one.submodel} fails on the sealed set: {one.words}")
         for one in contests
-        if one.challenger == "failed" != one.champion and one.submodel in served
+        if one.challenger == "failed" != one.champion
     ]
-    return _not_worse("sealed", contests, served, failed)
+    return _not_worse("sealed", contests, {one.submodel for one in contests}, failed)
 
 
 Said = tuple[bool, str]
@@ -305,23 +303,17 @@ def _rule(name: RuleName, said: Iterable[Said], figures: Sequence[Compared] = ()
                 figures=tuple(figures))  # fmt: skip
 
 
-def _failures(
-    contests: Sequence[Contest], champion: Bundle, challenger: Bundle, served: set[str]
-) -> Iterator[Said]:
-    """Failures of the challenger; those of the champion, or of what does not serve, are said."""
+def _failures(contests: Sequence[Contest], challenger: Bundle, served: set[str]) -> Iterator[Said]:
+    """Failures of what serves; those that the champion has as well are said and break nothing."""
     changed = {one.submodel: one for one in contests}
     for name, one in challenger.submodels.items():
         again = changed[name].challenger if name in changed else one.status
-        if one.status not in LACKING and again not in LACKING:
+        if name not in served or (one.status not in LACKING and again not in LACKING):
             continue
-        if name not in champion.submodels:
-            yield False, f"{name} is new, {one.status}, and does not serve"
-        elif name not in changed:
+        if name not in changed:
             yield False, f"{name} is {one.status}, the same model as the champion's"
         elif changed[name].champion in LACKING:
             yield False, f"{name} is {one.status} in both"
-        elif name not in served:
-            yield False, f"{name} is {one.status}, and nothing that serves rests on it"
         else:
             status = one.status if one.status in LACKING else again
             words = changed[name].words
@@ -371,17 +363,23 @@ def _better(
         said = "; ".join(one.words for one in near)
         return Rule(name="better", result="not decided",
                     words=(f"the gain is within the spread of trainings: {said}",))  # fmt: skip
-    return Rule(name="better", result="broken", words=(_not_better(compared),))
+    few = compared and all(one.groups < FEWEST_GROUPS for one in compared)
+    return Rule(name="better", result="not decided" if few else "broken",
+                words=tuple(_not_better(compared)))  # fmt: skip
 
 
-def _not_better(compared: Sequence[Compared]) -> str:
-    """Why no difference counts: too few groups, or none that chance could not make."""
+def _not_better(compared: Sequence[Compared]) -> Iterator[str]:
+    """Why no difference counts, by sub-model: too few groups, or none that chance cannot make."""
     if not compared:
-        return "no sub-model that serves was compared, so that none is shown to be better"
-    said = "; ".join(one.words for one in compared)
-    if all(one.groups < FEWEST_GROUPS for one in compared):
-        return (
-            f"with fewer than {FEWEST_GROUPS} groups no difference is significant ({said}): "
-            "record more, or promote it with --anyway"
-        )
-    return f"no sub-model is significantly better ({said})"
+        yield "no sub-model that would serve was compared, so that none is shown to be better"
+    for name in dict.fromkeys(one.submodel for one in compared):
+        own = [one for one in compared if one.submodel == name]
+        groups = max(one.groups for one in own)
+        over = "1 group" if groups == 1 else f"{groups} groups"
+        if groups < FEWEST_GROUPS:
+            yield f"{name}: {over} to judge by, at least {FEWEST_GROUPS} are needed: not decided"
+            continue
+        changes = [100 * (one.challenger / one.champion - 1) for one in own if one.champion]
+        ends = dict.fromkeys(f"{end(changes):+.2g}" for end in (min, max) if changes)
+        by = f"{' to '.join(ends)} %" if ends else "nothing"
+        yield f"{name} is not significantly better: mean errors change by {by} over {over}"

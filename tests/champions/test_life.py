@@ -13,7 +13,11 @@ from pathlib import Path
 import pytest
 import yaml
 
+from pipeline.app.output import LOG
+from pipeline.app.programs import passed_status
 from pipeline.champions.promotion import (
+    RefusedError,
+    decided,
     delete,
     events,
     judged,
@@ -25,7 +29,7 @@ from pipeline.champions.serving import champion_of, history_of, history_path, ke
 from pipeline.registry.store import client_of, model_name, versions
 from pipeline.schema.bundle import Served, bundle_of, read_champions
 from pipeline.schema.decision import Decision
-from pipeline.schema.history import document_of, looks, served_until, serving_at
+from pipeline.schema.history import document_of, looks, served_until, serving_during
 from pipeline.schema.store import StoreError, read_json, write_json
 from pipeline.schema.verdict import Canary, Verdict
 from tests.bundled_project import GOLDEN, MACHINE, project, quick_stores, source, spindle
@@ -117,7 +121,7 @@ def test_each_is_refused_by_its_rule_and_the_history_tells_it(
     root: Path, error_K: float, change: Callable[[Verdict], Verdict] | None, rule: str
 ) -> None:
     challenged(root, error_K, change)
-    with pytest.raises(ValueError, match=f"rule '{rule}' is (broken|not decided): "):
+    with pytest.raises(RefusedError, match=f"version 1 by rules? .*'{rule}'"):
         promote(MACHINE, root, why="try", by="Kim", now=NOON)
     first, last = history_of(MACHINE, root)
     assert (first.event, last.event, last.version, last.sealed) == ("first", "refused", 2, "")
@@ -137,8 +141,41 @@ def test_one_that_was_fitted_on_the_golden_week_is_refused(root: Path) -> None:
     stored["trained_on"].append({"case": day, "group": day, "files": [
         {"file": source(day).file, "sha256": source(day).sha256}]})  # fmt: skip
     model.write_text(json.dumps(stored))
-    with pytest.raises(ValueError, match=f"rule 'unseen' is broken: spindle was fitted on {day}"):
+    with pytest.raises(RefusedError, match="version 1 by rules 'unseen', ") as refused:
         promote(MACHINE, root, why="try")
+    words = refused.value.decision.against[0].words
+    assert words == (f"spindle was fitted on {source(day).file} of the golden set",)
+
+
+def test_an_override_puts_into_service_what_it_names_alone(
+    root: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The spindle that fails anew serves by it, and the control that never served does not."""
+    challenged(root, 0.0, lambda verdict: replace(verdict, status="failed"))
+    now = promote(MACHINE, root, why="no other", by="Kim", anyway=True, now=NOON)
+    decision = decided(MACHINE, root)
+    assert now.serving == ("spindle",) and decision.overridden
+    assert (decision.unproven, decision.idle) == ("spindle failed", "control failed")
+    assert [one.name for one in decision.against] == ["no new failure", "better"]
+    monkeypatch.setattr(LOG, "propagate", True)
+    monkeypatch.chdir(root)
+    served = passed_status(Path(CHAMPION) / "spindle", "model of spindle", anyway=False)
+    assert served == "failed" and caplog.messages == [
+        "the model of spindle failed; it serves against the rules, by "
+        "--anyway, as Kim promoted version 2 on 2026-03-01T12:00:00Z: no other"
+    ]
+    for folder in (f"{CHAMPION}/control", f"{MODELS}/spindle"):
+        with pytest.raises(ValueError, match="mend that first, or use it with --anyway"):
+            passed_status(Path(folder), "model", anyway=False)
+
+
+def test_an_override_of_nothing_says_so_and_spends_no_look(root: Path) -> None:
+    first = promote(MACHINE, root, why="accepted", by="Kim", to=1, anyway=True, now=NOON)
+    decision = decided(MACHINE, root)
+    assert first.serving == ("spindle",) and decision.anyway and not decision.overridden
+    challenged(root, 2.0, None)
+    promote(MACHINE, root, why="try", by="Kim", anyway=True, now=at(1))
+    assert [entry.sealed for entry in history_of(MACHINE, root)] == ["", "", ""]
 
 
 def test_a_better_spindle_serves_beside_an_old_failure_comes_back_and_all_is_told(
@@ -154,7 +191,7 @@ def test_a_better_spindle_serves_beside_an_old_failure_comes_back_and_all_is_tol
     results = {one.name: one.result for one in decision.rules}
     assert results == dict.fromkeys(results, "kept") | {"newest day": "no data"}
     failing = next(one for one in decision.rules if one.name == "no new failure")
-    assert failing.words == ("control is failed, the same model as the champion's",)
+    assert failing.words == () and decision.idle == "control failed"
     assert len(entry.sealed) == 64 and not entry.anyway
     # what the registry holds of it
     (version,) = [v for v in versions(MACHINE, root) if v.version == 2]
@@ -188,8 +225,9 @@ def test_a_better_spindle_serves_beside_an_old_failure_comes_back_and_all_is_tol
     until = [served_until(entries, one) for one in entries]
     assert until == [*(one.at for one in entries[1:]), ""]
     assert [looks(entries, one) for one in entries] == [0, 1, 1, 1]
-    served = [serving_at(events(MACHINE, root), f"2026-03-0{day}T13:00:00Z") for day in (1, 4, 6)]
-    assert [one.version for one in served if one] == [2, 1, 2]
+    moments = [f"2026-03-0{day}T13:00:00Z" for day in (1, 4, 6)]
+    served = [serving_during(entries, at, at) for at in moments]
+    assert [[one.version for one in some] for some in served] == [[2], [1], [2]]
 
 
 def test_what_serves_served_of_late_or_is_a_reference_cannot_be_deleted(root: Path) -> None:
@@ -202,7 +240,13 @@ def test_what_serves_served_of_late_or_is_a_reference_cannot_be_deleted(root: Pa
     with pytest.raises(ValueError, match="is a reference"):
         delete(MACHINE, 1, root, why="room", now=at(100))
     client_of(root).delete_registered_model_alias(model_name(MACHINE), "reference")
-    delete(MACHINE, 1, root, why="room", by="Kim", now=at(100))
+    places = [Path(v.place.removeprefix("file://")).parent.name for v in versions(MACHINE, root)]
+    folders = [root / "mlartifacts/models" / name for name in places]
+    size = sum(one.stat().st_size for folder in (folders[0], root / f"data/warm/{MACHINE}")
+               for one in folder.rglob("*") if one.is_file())  # fmt: skip
+    assert delete(MACHINE, 1, root, why="room", by="Kim", now=at(100)) == size > 1e6
+    assert [one.exists() for one in folders] == [False, True]
+    assert not (root / f"data/warm/{MACHINE}").exists()
     assert [v.version for v in versions(MACHINE, root)] == [2]
     assert history_of(MACHINE, root)[-1].event == "deleted"
     with pytest.raises(ValueError, match="has no version 9"):
@@ -246,9 +290,18 @@ def test_the_last_line_and_the_decisions_are_guarded_too(root: Path) -> None:
                 read(MACHINE, root)
     path.write_text(lines)
     document = document_of(path, history_of(MACHINE, root)[-1])
-    document.write_text(document.read_text().replace("new oil", "old oil"))
+    said = document.read_text()
+    document.write_text(said.replace("new oil", "old oil"))
     with pytest.raises(StoreError, match=r"0002.json is not the decision that .*line 2 names"):
         judged(MACHINE, root)
+    document.unlink()
+    with pytest.raises(StoreError, match=r"0002.json does not exist: restore it with `git ch"):
+        judged(MACHINE, root)
+    document.write_text(said)
+    chosen = root / "champions.json"
+    chosen.write_text(chosen.read_text().replace('"version": 2', '"version": 7'))
+    with pytest.raises(StoreError, match=r"does not name version 2 as champion of mill01 "):
+        champion_of(MACHINE, root)
 
 
 def test_a_rollback_to_what_served_against_the_rules_says_so(root: Path) -> None:

@@ -1,0 +1,118 @@
+"""One number means one bundle for ever, in whichever registry; two machines change at once."""
+
+import logging
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from pipeline.champions.promotion import delete, promote, rollback
+from pipeline.champions.serving import history_of, locked, status
+from pipeline.registry.store import client_of, model_name, versions
+from pipeline.schema.bundle import bundle_of, read_champions
+from tests.bundled_project import MACHINE, project, quick_stores, registered, spindle
+
+NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A project in which version 2 serves in the place of version 1."""
+    root = project(tmp_path_factory.mktemp("numbers") / "project")
+    with pytest.MonkeyPatch.context() as patch, quick_stores():
+        patch.delenv("MLFLOW_TRACKING_URI", raising=False)
+        for error_K in (2.0, 1.0):
+            spindle(root, error_K=error_K)
+            registered(root)
+        promote(MACHINE, root, why="better", by="Kim", now=NOON)
+        yield root
+
+
+@pytest.fixture
+def root(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    return shutil.copytree(made, tmp_path / "project")
+
+
+def bundles(root: Path) -> dict[int, str]:
+    return {one.version: one.bundle for one in versions(MACHINE, root)}
+
+
+def test_a_registry_that_is_filled_again_counts_on_by_the_history(
+    root: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    before = bundles(root)
+    (root / "mlflow.db").unlink()
+    shutil.rmtree(root / "mlartifacts")
+    spindle(root)  # a third
+    with caplog.at_level(logging.WARNING):
+        registered(root)
+    assert caplog.messages == [
+        f"the registry had no version of {MACHINE}: it holds 1, 2, 3 now, by the numbers of its "
+        "history, and counts on after 2"
+    ]
+    newest = bundle_of(root / f"data/models/{MACHINE}", MACHINE, ["spindle"]).sha256
+    assert bundles(root) == before | {3: newest}
+    (row,) = status(MACHINE, ("spindle",), root)
+    assert row["serving"].startswith("version 2 ") and row["challenger"] == "version 3"
+    assert rollback(MACHINE, root, why="back", to=1, now=NOON).bundle == before[1]
+    assert promote(MACHINE, root, why="forth", to=3, now=NOON).bundle == newest
+    delete(MACHINE, 2, root, why="room")
+    assert [e.version for e in history_of(MACHINE, root)] == [1, 2, 1, 3, 2]
+    registered(root)  # what was deleted stays away
+    assert set(bundles(root)) == {1, 3}
+
+
+def test_a_registry_that_counts_otherwise_than_the_history_is_numbered_anew(
+    root: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Another clone has registered versions of its own before it got the history by git."""
+    clone = project(tmp_path / "clone")
+    for error_K in (2.0, 1.5, 0.5):
+        spindle(clone, error_K=error_K)
+        registered(clone)
+    other = bundles(clone)
+    client_of(clone).set_registered_model_alias(model_name(MACHINE), "reference", "2")
+    assert other[1] == bundles(root)[1] and other[2] != bundles(root)[2]
+    for name in ("champions.json", f"data/history/{MACHINE}.jsonl"):
+        (clone / name).parent.mkdir(exist_ok=True)
+        shutil.copy(root / name, clone / name)
+    shutil.copytree(root / f"data/history/{MACHINE}", clone / f"data/history/{MACHINE}")
+    shutil.rmtree(clone / f"data/champion/{MACHINE}")
+    shutil.copytree(root / f"data/champion/{MACHINE}", clone / f"data/champion/{MACHINE}")
+    with caplog.at_level(logging.WARNING):
+        registered(clone)
+    assert caplog.messages == [
+        f"version 2 of {MACHINE} in the registry is version 4 now: in its history 2 is another "
+        "bundle"
+    ]
+    now = {one.version: one for one in versions(MACHINE, clone)}
+    assert {n: one.bundle for n, one in now.items()} == {
+        1: other[1], 3: other[3], 4: other[2], 5: bundles(root)[2]
+    }  # fmt: skip
+    assert now[4].aliases == ("reference",) and Path(now[4].place.removeprefix("file://")).is_dir()
+    assert rollback(MACHINE, clone, why="back", to=1, now=NOON).bundle == other[1]
+    assert rollback(MACHINE, clone, why="forth", to=2, now=NOON).bundle == bundles(root)[2]
+
+
+def test_two_machines_do_not_lose_each_other_s_line_of_champions_json(root: Path) -> None:
+    """Whoever changes the file waits for whoever holds it, and reads it after that."""
+    chosen = root / "champions.json"
+    said = chosen.read_text()
+    chosen.unlink()
+    words = (
+        "from pathlib import Path; from pipeline.champions.promotion import settle; "
+        f"print(1, flush=True); settle('{MACHINE}', Path('{root}'))"
+    )
+    command = [sys.executable, "-c", words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as other, locked("champions", root):
+        assert other.stdout is not None and other.stdout.readline() == b"1\n"
+        with pytest.raises(subprocess.TimeoutExpired):
+            other.wait(4)
+        chosen.write_text(said.replace(f'"{MACHINE}"', '"mill02"'))
+    assert other.returncode == 0
+    assert set(read_champions(chosen).machines) == {"mill02", MACHINE}
