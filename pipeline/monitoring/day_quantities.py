@@ -57,11 +57,11 @@ def day_values(
         name, feed = f"axis {axis.upper()}", _number(clean, f"{axis}_feedrate")
         free = uncut.to_numpy() & _steady(feed)
         load, error = _number(clean, f"{axis}_load"), state[f"{axis}_following_error_measured"]
-        for kind, unit, values in (("axis_load", "%", load),
+        for kind, unit, sizes in (("axis_load", "%", load),
                                    ("following_error", "mm", error.to_numpy(float))):  # fmt: skip
             words = f"{'load' if kind == 'axis_load' else 'following error'} at {{}} mm/s"
             key = (name, kind, words, unit)
-            at_speed |= {(key, v): one for v, one in _medians(feed, values, free, period_s)}
+            at_speed |= {(key, v): one for v, one in _medians(feed, sizes, free, period_s)}
         if np.isfinite(feed).any():
             moving = float((np.abs(feed) > 0).sum()) * period_s / 3600
             sums[name, "hours", "time moving", "h"] = moving
