@@ -1,9 +1,9 @@
 """Condition of a machine by week: its quantities against their lines, and the time to the alarm.
 
 The value of a week is the mean of its days with Student's interval between days; hours and alarms
-are summed, alarms with Poisson's interval.  The reference is the mean of the first weeks; a line is
-crossed where the value is beyond it and the interval is above the reference, so that one odd day is
-no alarm.
+are summed, and alarms divided by the time with records.  The reference is the mean of the first
+weeks; a line is crossed where the value is beyond it and the interval is above the reference, so
+that one odd day is no alarm.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from pipeline.monitoring.day_quantities import DayValues, Key, Reading, day_values
+from pipeline.monitoring.day_quantities import ALARMS, RECORDED, DayValues, Key, Reading, day_values
 from pipeline.monitoring.prognosis import crossing
 from pipeline.schema.condition import Condition, State, TimeToLine, WeekReport
 from pipeline.schema.days import UTC, day_end, day_start, is_day, zone_of
@@ -44,6 +44,8 @@ MISSING = {
     "tool_life": "no record says when a tool was replaced: times in cut are those by tool number",
 }  # fmt: skip
 """Why a kind is not assessed where the records of a machine do not have it."""
+ALARM_HOURS = 10.0
+"""Time with records that alarms are counted in [h]."""
 MOST = {"cycle_time": 5, "hours": 16}
 """Components of a kind that are followed, those with the most days."""
 
@@ -155,22 +157,23 @@ def _mean(week: str, readings: list[Reading]) -> _Weekly:
 
 
 def _sums(days: Sequence[DayValues]) -> dict[Key, list[_Weekly]]:
-    """Weekly sums; a number of alarms has the interval of a Poisson distribution."""
+    """Weekly sums; alarms over the hours with records, with the interval of Poisson's counts."""
     known: dict[Key, list[tuple[str, float]]] = {}
     for one in days:
         for key, value in one.sums.items():
             known.setdefault(key, []).append((one.day, value))
-    found: dict[Key, list[_Weekly]] = {}
-    for key, rows in known.items():
-        for week, values in _by_week(rows):
-            total = sum(values)
-            weekly = _Weekly(week=week, value=total, days=len(values))
-            if key[1] == "alarms":
-                low = float(stats.chi2.ppf(0.05, 2 * total) / 2) if total else 0.0
-                high = float(stats.chi2.ppf(0.95, 2 * total + 2) / 2)
-                weekly = replace(weekly, low=low, high=high)
-            found.setdefault(key, []).append(weekly)
+    found = {key: [_Weekly(week=week, value=sum(values), days=len(values))
+                   for week, values in _by_week(rows)] for key, rows in known.items()}  # fmt: skip
+    hours = {one.week: one.value for one in found[RECORDED]}
+    if ALARMS in found:
+        found[ALARMS] = [_rate(one, ALARM_HOURS / hours[one.week]) for one in found[ALARMS]]
     return found
+
+
+def _rate(one: _Weekly, factor: float) -> _Weekly:
+    low = float(stats.chi2.ppf(0.05, 2 * one.value) / 2) if one.value else 0.0
+    high = float(stats.chi2.ppf(0.95, 2 * one.value + 2) / 2)
+    return replace(one, value=factor * one.value, low=factor * low, high=factor * high)
 
 
 def _budgets(nights: Iterable[Night], week: str) -> dict[Key, list[_Weekly]]:
@@ -206,7 +209,7 @@ def _assessed(
             return replace(found, reason=f"{len(weekly)} of {needed} weeks needed")
         reference = float(np.mean([one.value for one in weekly[: settings.reference_weeks]]))
         if kind == "alarms":
-            reference = max(reference, 1.0)  # of a count, none is no scale
+            reference = max(reference, 1.0)  # none is no scale for the lines
         elif reference <= 0:
             return replace(found, reason="its reference is 0: nothing to compare with")
         lines = tuple(reference * (1 + rise / 100) for rise in rises)

@@ -26,6 +26,8 @@ STEADY = 0.02
 """Share by which a speed may differ from those beside it [1]."""
 Key = tuple[str, str, str, str]
 """Component, kind, quantity in words, unit."""
+RECORDED: Key = ("machine", "hours", "time with records", "h")
+ALARMS: Key = ("machine", "alarms", "alarms in 10 h with records", "1")
 Reading = tuple[float, float]
 """Value of a day, and half of its 90 % interval that days have in common: rounding of a display."""
 
@@ -52,7 +54,7 @@ def day_values(
     """
     uncut = state["mode"].notna() & (state["mode"] != "cut")
     at_speed: dict[tuple[Key, float], tuple[Reading, float]] = {}
-    sums = {("machine", "hours", "time with records", "h"): len(state) * period_s / 3600}
+    sums = {RECORDED: len(state) * period_s / 3600, ALARMS: float(len(alarms))}
     for axis in AXES:
         name, feed = f"axis {axis.upper()}", _number(clean, f"{axis}_feedrate")
         free = uncut.to_numpy() & _steady(feed)
@@ -76,7 +78,6 @@ def day_values(
     cut = state[state["mode"] == "cut"]
     for tool, rows in cut.groupby(cut["tool_number"].astype(object)):
         sums[f"tool {tool}", "hours", "time in cut", "h"] = len(rows) * period_s / 3600
-    sums["machine", "alarms", "alarms that began", "1"] = float(len(alarms))
     values = dict(_over_expected(state, period_s))
     complete = cycles[cycles["complete"].fillna(False).astype(bool) & (cycles["active_s"] > 0)]
     for program, own in complete.groupby("program"):

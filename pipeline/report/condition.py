@@ -1,6 +1,6 @@
 """Condition over weeks on the page of records: the newest kept report beside the one before."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from pipeline.charts.numbers import NARROW, NOT_KNOWN, counted, fixed, joined, number, signed
 from pipeline.charts.sections import Section, present
@@ -10,6 +10,7 @@ from pipeline.report.folders import MachineFolders
 from pipeline.schema.condition import Condition, WeekReport
 
 MADE_FROM = "data/twin_state, data/clean and data/ledger, by the stage condition"
+NONE = "–"
 STATUS = {"fine": "passed", "watch": "attention", "act": "failed", "not assessed": "unknown"}
 """Shape and colour of a state."""
 
@@ -46,7 +47,7 @@ def _columns(
     def change(one: Condition) -> str:
         last = earlier.get(one.key)
         if last is None or not last.value or one.value is None:
-            return NOT_KNOWN
+            return NONE
         return f"{signed(100 * (one.value / last.value - 1))}{NARROW}%"
 
     return (
@@ -54,12 +55,14 @@ def _columns(
         Column("quantity", lambda one: f"{one.what}, {one.unit}".removesuffix(", 1")),
         Column("this week", _value, ""),
         Column("against the week before", change, ""),
-        Column("reference", lambda one: number(one.reference), ""),
-        Column("alert", lambda one: number(one.alert), ""),
-        Column("alarm", lambda one: number(one.alarm), ""),
+        *(Column(name, _level(name), "") for name in ("reference", "alert", "alarm")),
         Column("state", lambda one: Cell(text=one.state, status=STATUS.get(one.state, ""))),
-        Column("weeks to the alarm line", _time),
+        Column("weeks to the alarm line, or what it lacks", _time),
     )
+
+
+def _level(name: str) -> Callable[[Condition], str]:
+    return lambda one: NONE if getattr(one, name) is None else number(getattr(one, name))
 
 
 def _value(one: Condition) -> str:
@@ -71,7 +74,7 @@ def _time(one: Condition) -> str:
     """Weeks to the line with their interval, beyond the horizon, or what is lacking."""
     left = one.to_alarm
     if left is None:
-        return one.reason or "–"
+        return one.reason or NONE
     horizon = fixed(left.horizon, 0)
     if left.median is None:
         return f"more than {horizon} ({fixed(100 * left.probability, 0)}{NARROW}% within them)"

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from pipeline.monitoring.condition import ConditionSettings, conditions_of, week_of, write_reports
-from pipeline.monitoring.day_quantities import DayValues, day_values
+from pipeline.monitoring.day_quantities import ALARMS, RECORDED, DayValues, day_values
 from pipeline.monitoring.prognosis import crossing
 from pipeline.parameters import read_yaml
 from pipeline.schema.condition import Condition, WeekReport
@@ -79,7 +79,7 @@ def weeks(level: Callable[[int], float], many: int, noise: float = 0.2) -> list[
     rng = np.random.default_rng(1)
     days = [str(one.date()) for one in pd.date_range("2026-01-05", periods=7 * many)]
     loads = [level(k // 7) + rng.normal(0, noise) for k in range(len(days))]
-    return [DayValues(day=one, at_speed={(LOAD, 20.0): ((load, 0.1), 99.0)})
+    return [DayValues(day=one, sums={RECORDED: 8.0}, at_speed={(LOAD, 20.0): ((load, 0.1), 99.0)})
             for one, load in zip(days, loads, strict=True)
             if date.fromisoformat(one).weekday() < 4]  # fmt: skip
 
@@ -128,14 +128,15 @@ def test_a_week_is_that_of_the_calendar_and_a_speed_that_is_not_moved_at_is_not_
         "2025-W52", "2026-W01", "2026-W01"
     ]  # fmt: skip
     days = weeks(lambda week: 10.0, 3)
-    other = DayValues(day="2026-01-26", at_speed={(LOAD, 99.0): ((50.0, 0.1), 999.0)})
+    other = DayValues(
+        day="2026-01-26", sums={RECORDED: 8.0}, at_speed={(LOAD, 99.0): ((50.0, 0.1), 999.0)}
+    )
     one = axis([*days, other])
     assert one.value is None and one.reason == "not known this week, last in 2026-W04"
 
 
 def test_alarms_have_the_interval_of_a_count_and_a_night_its_share_of_the_budget() -> None:
-    key = ("machine", "alarms", "alarms that began", "1")
-    days = [DayValues(day=f"2026-01-{d:02d}", sums={key: 3.0 if d < 19 else 30.0})
+    days = [DayValues(day=f"2026-01-{d:02d}", sums={ALARMS: 3.0 if d < 19 else 30.0, RECORDED: 5.0})
             for d in (5, 6, 12, 13, 19, 20)]  # fmt: skip
     night = Night(
         night="2026-01-20", bundle="b", model="m", submodel="drive", quantity="x_error", regime="",
@@ -158,8 +159,8 @@ def project(root: Path, days: list[str]) -> Path:
     (root / "clean/state").mkdir(parents=True)
     for name in days:
         time = pd.date_range(f"{name}T08:00", periods=600, freq="s", tz="UTC").as_unit("ns")
-        values = {"mode": np.full(600, "air", dtype=object), "spindle_speed": np.full(600, 3e3),
-                  "spindle_load": np.full(600, 4.0), "spindle_steady": np.ones(600, bool)}  # fmt: skip
+        values = {"mode": np.full(600, "air", dtype=object), "spindle_steady": np.ones(600, bool),
+                  "spindle_speed": np.full(600, 3e3), "spindle_load": np.full(600, 4)}  # fmt: skip
         write_day(time, values, day_path(root / "state", name))
         clean = pd.DataFrame({"time": time, "x_load": 9.0})
         clean.to_parquet(root / f"clean/state/{name}.parquet")
