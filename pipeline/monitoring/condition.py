@@ -102,6 +102,7 @@ def conditions_of(
     """Conditions in the week of the last of ``days``, by all days up to it, and what is missing."""
     week = week_of(days[-1].day)
     weekly = {**_means(days, settings), **_sums(days), **_budgets(nights, week)}
+    weekly = {key: one for key, one in weekly.items() if one}
     by_kind: dict[str, list[Key]] = {}
     for key in sorted(weekly, key=lambda key: (-sum(one.days for one in weekly[key]), key)):
         by_kind.setdefault(key[1], []).append(key)
@@ -166,7 +167,8 @@ def _sums(days: Sequence[DayValues]) -> dict[Key, list[_Weekly]]:
                    for week, values in _by_week(rows)] for key, rows in known.items()}  # fmt: skip
     hours = {one.week: one.value for one in found[RECORDED]}
     if ALARMS in found:
-        found[ALARMS] = [_rate(one, ALARM_HOURS / hours[one.week]) for one in found[ALARMS]]
+        found[ALARMS] = [_rate(one, ALARM_HOURS / hours[one.week])
+                         for one in found[ALARMS] if hours[one.week]]  # fmt: skip
     return found
 
 
@@ -248,6 +250,7 @@ def write_reports(
     state = read_json(twin_state / MANIFEST, TwinState)
     nights, zone = read_ledger(ledger), zone_of(clean)
     begun = {name: pd.read_parquet(clean / f"{name}.parquet") for name in ("cycles", "alarms")}
+    out.mkdir(parents=True, exist_ok=True)
     days: list[DayValues] = []
     weeks: dict[str, list[str]] = {}
     for day in sorted(state.days):

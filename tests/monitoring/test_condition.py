@@ -66,7 +66,10 @@ def test_work_does_not_look_like_wear() -> None:
 
 
 def test_a_log_that_lacks_all_says_so() -> None:
-    found, missing = conditions_of([day(table(1), pd.DataFrame(index=range(1)))], [], SETTINGS)
+    for rows in (0, 1):
+        one = day(table(rows), pd.DataFrame(index=range(rows)))
+        found, missing = conditions_of([one], [], SETTINGS)
+        assert len(found) == 1 + rows, "alarms of no time are no rate"
     assert [(one.component, one.kind) for one in found] == [
         ("machine", "alarms"),
         ("machine", "hours"),
