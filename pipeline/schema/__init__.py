@@ -21,6 +21,7 @@ __all__ = [
     "limits",
     "model",
     "part",
+    "part_record",
     "part_sheet",
     "predictions",
     "program_cut",
