@@ -20,6 +20,7 @@ from pipeline.charts.sources import Source, SourceRegistry
 from pipeline.charts.submodel_page import made_from
 from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources, tabulated
 from pipeline.report.alarms import alarms_section
+from pipeline.report.condition import condition_section
 from pipeline.report.facts import MachineFacts, ModelledPart, StateLine, Truth, already
 from pipeline.report.folders import PROGRAMS, RECORDS
 from pipeline.report.life import LIFE, life_of
@@ -231,6 +232,7 @@ def _records_page(facts: MachineFacts, changed: Section, notes: list[str]) -> Ev
     sections = [
         work_section(facts.work, facts.day_uses),
         twin_state_section(facts.folders, facts.shelf),
+        condition_section(facts.folders, facts.shelf),
         alarms_section(facts.alarms),
         records_section(facts.records),
         _missing_section(facts),

@@ -125,7 +125,7 @@ def test_what_serves_is_scored_by_every_section_that_it_may_be_judged_by() -> No
     assert MACHINE_FILE in paths(definition("state")["deps"])
 
 
-FOR_ALL = ("ingest", "clean", "index", "champion", "nightly", "state")
+FOR_ALL = ("ingest", "clean", "index", "champion", "nightly", "state", "condition")
 """Stages of every machine, whatever it has records for."""
 
 
