@@ -24,7 +24,10 @@ BREAK_S = 900.0
 """Time between two assessed windows that ends a run of them [s]."""
 KEPT = 12
 """Events that an incident keeps: the first, and those of the greatest share of their limit."""
-ALARM_OPEN = "open"
+PROGRAM_TYPES = ("MOTION_PROGRAM", "SYSTEM")
+"""Types of conditions (MTConnect part 2) that programs and operation cause."""
+PROGRAM_CHECK = "Program, offsets and operation before each of them; the control's manual."
+ALARM_CHECK = "What was done before each of them: axis, clamp, door, level; the control's manual."
 UNITS = {"load": "%", "speed": "rev/min", "feed": "mm/s", "temperature": "°C",
          "temperature_estimated": "°C", "cutting_power": "W"}  # fmt: skip
 """Evidence of an event, and its units."""
@@ -43,15 +46,18 @@ class Run:
 
 def monitored(
     state: TwinState, folder: Path, clean: Path, monitor: Monitor, known_good: KnownGood | None,
-    settings: IncidentSettings,
+    settings: IncidentSettings, conditions: Mapping[str, tuple[str, str]],
 ) -> Monitored:  # fmt: skip
-    """Incidents of all days of a state, whole weeks at once."""
+    """Incidents of all days of a state, whole weeks at once.
+
+    ``conditions``: part of the machine and MTConnect type by the control's data item.
+    """
     windows = windows_of(state, folder, clean, sorted(state.days), settings)
     runs, rules = scored(windows, state, monitor, known_good, settings)
     events = [_event(windows, run) for run in runs]
     worked = np.cumsum(windows.values["running"]) * windows.length_s if len(windows) else np.zeros(1)
     incidents = grouped(events, windows.start, worked, state, settings)
-    incidents += recurring(clean / "alarms.parquet", state, settings)
+    incidents += recurring(clean / "alarms.parquet", state, settings, conditions)
     return Monitored(
         machine=state.machine, origin=state.origin, days=tuple(sorted(state.days)),
         known_good=monitor.days, worked_s=round(float(worked[-1]), 1), rules=rules,
@@ -214,7 +220,10 @@ def _union(spans: Ints) -> float:
     return float(np.maximum(spans[:, 1] - np.maximum(spans[:, 0], end), 0).sum())
 
 
-def recurring(path: Path, state: TwinState, settings: IncidentSettings) -> list[Incident]:
+def recurring(
+    path: Path, state: TwinState, settings: IncidentSettings,
+    conditions: Mapping[str, tuple[str, str]],
+) -> list[Incident]:  # fmt: skip
     """Alarms of the control that recur: one incident a code, as long as it does.
 
     That is ``alarm_times`` within ``alarm_days``, or more minutes in seven days than in the seven
@@ -227,12 +236,11 @@ def recurring(path: Path, state: TwinState, settings: IncidentSettings) -> list[
                   for name in ("start", "end"))  # fmt: skip
     rows = table.select(["data_item", "level", "code", "message"]).to_pandas().fillna("")
     rows = rows.assign(start=start, end=np.where(np.isnan(end), start, end)).sort_values("start")
-    found = []
-    for (item, code, message), some in rows.groupby(["data_item", "code", "message"], sort=False):
-        for group in _chains(some, settings):
-            found.append(_alarm_incident(group, item, f"{code} {message}".strip() or item, state,
-                                         settings))  # fmt: skip
-    return found
+    return [
+        _alarm_incident(group, conditions.get(str(item), ("", "")), state, settings)
+        for (item, _, _), some in rows.groupby(["data_item", "code", "message"], sort=False)
+        for group in _chains(some, settings)
+    ]
 
 
 def _chains(rows: pd.DataFrame, settings: IncidentSettings) -> Iterator[pd.DataFrame]:
@@ -259,24 +267,30 @@ def _grew(rows: pd.DataFrame, settings: IncidentSettings) -> tuple[float, float]
 
 
 def _alarm_incident(
-    rows: pd.DataFrame, item: str, words: str, state: TwinState, settings: IncidentSettings
+    rows: pd.DataFrame, condition: tuple[str, str], state: TwinState, settings: IncidentSettings
 ) -> Incident:
-    is_fault = bool((rows["level"] == "fault").any())
-    grew = _grew(rows, settings)
+    """Alarms of one code; a fault on several days is to act on, else it is to be watched."""
+    where, kind = condition
+    item, code, message = rows[["data_item", "code", "message"]].iloc[0]
+    words, grew = f"{code} {message}".strip() or item, _grew(rows, settings)
+    days = (rows["start"] // (DAY * NS)).nunique()
+    acts: Severity = "act" if days > 1 and (rows["level"] == "fault").any() else "watch"
+    component = f"{where} ({item})" if where else str(item)
     events = [
         Event(
-            rule="alarm", component=item, severity="act" if one.level == "fault" else "watch",
-            start=_text(int(one.start)), end=_text(int(one.end)), unit="times",
-            value=float(len(rows)), limit=float(settings.alarm_times), words={"alarm": words},
+            rule="alarm", component=component, severity=acts, start=_text(int(one.start)),
+            end=_text(int(one.end)), value=float(len(rows)), limit=float(settings.alarm_times),
+            unit="times", words={"alarm": words, "level": str(one.level)},
         ) for one in rows.itertuples()
     ]  # fmt: skip
     growth = "" if grew is None else f"; {grew[0]:.0f} min in a week after {grew[1]:.0f}"
+    when = f"{days} days" if days > 1 else "one day"
+    by_program = kind in PROGRAM_TYPES
     return incident_of(
-        events, state, component=item, severity="act" if is_fault else "watch",
-        title=f"Alarm {words} comes again{growth}",
-        check="What happened before each of them: program, line, axis, operator; the alarm's page "
-        "in the control's manual.",
-        who="maintenance", key=f"alarm {words}",
+        events, state, component=component, severity=acts,
+        title=f"Alarm {words} comes again: {len(rows)} times on {when}{growth}",
+        check=PROGRAM_CHECK if by_program else ALARM_CHECK, key=f"alarm {words}",
+        who="process engineer" if by_program else "maintenance",
     )  # fmt: skip
 
 

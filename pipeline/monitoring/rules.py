@@ -199,7 +199,7 @@ def cut_of(program: str, tool: str) -> str:
 def _levels(windows: Windows, settings: IncidentSettings) -> pd.DataFrame:
     """Mean load of a program and tool over ``level_s`` up to each fed window, with its cut."""
     have, words = windows.values, windows.words
-    good = windows.counts & (have["fed"] >= 0.5) & (words["program"] != "")
+    good = windows.counts & (have["fed"] >= 0.5) & (have["speed"] > 0) & (words["program"] != "")
     rows = pd.DataFrame({
         "cut": [cut_of(p, t) for p, t in zip(words["program"][good], words["tool_number"][good],
                                              strict=True)],

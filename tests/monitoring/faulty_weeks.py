@@ -4,19 +4,28 @@ Faults act on the simulated machine: on its parameters, on what its tools meet, 
 read. Nothing of the twin takes part.
 """
 
-from collections.abc import Callable
+import json
+import shutil
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from datetime import date, timedelta
 from pathlib import Path
 
 import numpy as np
+
+from pipeline.parameters import read_params, structure
+from pipeline.schema.bundle import BUNDLE, bundle_of, stored_bundle
+from pipeline.schema.store import write_json
 
 from pipeline.schema.si import DAY
 from pipeline.shop import sensors
 from pipeline.shop.agent_log import Log, write_day
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.schedule import Shop, working_day
-from pipeline.shop.sensors import MachineState, SensedDay, write_devices
+from pipeline.shop.sensors import MachineState, SensedDay
 from pipeline.shop.timeline import Execution, Timeline
+from pipeline.stages.__main__ import run
+from tests.small_project import inside
 
 WEDNESDAY = 2
 """Day of the week on which a fault begins; what came before is quiet."""
@@ -142,19 +151,21 @@ FAULTS: dict[str, Fault] = {
 QUIET = Fault()
 
 
-def write_weeks(out: Path, parameters: ShopParameters, fault: Fault = QUIET) -> list[tuple[int, int]]:
+def write_weeks(
+    out: Path, parameters: ShopParameters, fault: Fault = QUIET
+) -> list[tuple[int, int]]:
     """Write the agent's log of all weeks; spans [ns] in which the fault acted.
 
-    It begins on Wednesday of the first week.
+    It begins on the first Wednesday, or as soon as the machine does what it needs.
     """
     ambient = sensors.ambient_temperature(parameters)
     shop = Shop(parameters=parameters, random=parameters.generator("schedule"))
     machine = sensors.new_machine(parameters, float(ambient[0]))
     log = Log(parameters=parameters, folder=out, random=parameters.generator("log"))
-    spans, tips = [], []
+    spans, tips, began = list[tuple[int, int]](), [], parameters.days
     for number in range(parameters.days):
-        timeline, since = working_day(shop, number), number - WEDNESDAY
-        acted = since >= 0 and timeline.on < DAY
+        timeline, since = working_day(shop, number), max(number - began, 0)
+        acted = number >= WEDNESDAY and timeline.on < DAY
         found = fault.before(machine, timeline, since) if acted and fault.before else None
         day = sensors.sensed_day(machine, timeline, sensors.air_of_day(ambient, number))
         if acted and fault.after:
@@ -162,8 +173,80 @@ def write_weeks(out: Path, parameters: ShopParameters, fault: Fault = QUIET) -> 
         write_day(log, day)
         tips.append(sensors.tip_temperatures(day))
         if found is not None:
+            began = min(began, number)
             start = parameters.start.astype("datetime64[ns]").astype(np.int64) + number * DAY * 10**9
             spans.append((int(start + found[0] * 10**9), int(start + found[1] * 10**9)))
-    write_devices(out / "Devices.xml", parameters)
     sensors.write_thermocouples(out / "thermocouples", np.concatenate(tips), parameters)
     return spans
+
+
+MACHINE = "mill01"
+QUIET_WEEKS, QUIET_FROM, FAULTS_FROM = 10, date(2026, 3, 2), date(2026, 6, 1)
+"""Quiet weeks and their first Monday; Monday from which on each week has a fault."""
+SERVING = ("spindle", "cutting")
+"""Sub-models whose estimates monitoring reads; the others need records that are left out here."""
+WEEKS = "weeks.json"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Week:
+    """A week of the project: its fault, its first day, spans [ns] in which the fault acted."""
+
+    fault: str
+    first: str
+    spans: list[tuple[int, int]]
+
+    def days(self) -> list[str]:
+        return [str(date.fromisoformat(self.first) + timedelta(days=k)) for k in range(7)]
+
+
+def project_with_weeks(built: Path, folder: Path, seeds: int) -> list[Week]:
+    """A built project of the simulated fleet, and after its records weeks of each fault.
+
+    The training days stay as they are: what serves was fitted on them, and they are known-good.
+    """
+    for name in ("golden", "settings"):
+        shutil.copytree(built / "data" / name, folder / "data" / name)
+    shutil.copytree(built / "conf", folder / "conf")
+    shutil.copy(built / "params.yaml", folder / "params.yaml")
+    champion = folder / "data/champion" / MACHINE
+    serving = stored_bundle(built / "data/champion" / MACHINE, MACHINE)
+    assert serving is not None, f"nothing serves {MACHINE} in {built}"
+    for name in SERVING:
+        shutil.copytree(built / "data/champion" / MACHINE / name, champion / name)
+    own = bundle_of(champion, MACHINE, {name: serving.submodels[name] for name in SERVING})
+    write_json(own, champion / BUNDLE)
+    raw = folder / "data/raw" / MACHINE
+    for name in ("agent", "thermocouples", "cutting", "programs"):
+        shutil.copytree(built / "data/raw" / MACHINE / name, raw / name)
+    shutil.copy(built / "data/raw" / MACHINE / "Devices.xml", raw / "Devices.xml")
+    with inside(folder):
+        parameters = structure(read_params(), f"machine.{MACHINE}.shop", ShopParameters)
+        weeks = list(_written_weeks(Path("data/raw") / MACHINE, parameters, seeds))
+        paths = {name: f"data/{name}/{MACHINE}" for name in
+                 ("champion", "raw", "signals", "clean", "twin_state", "usual")}  # fmt: skip
+        run(f"ingest@{MACHINE}", paths["raw"], paths["signals"])
+        run(f"clean@{MACHINE}", paths["signals"], paths["clean"])
+        run(f"state@{MACHINE}", *(paths[n] for n in ("champion", "raw", "signals", "clean")),
+            "data/golden", paths["twin_state"])  # fmt: skip
+    document = [vars(one) for one in weeks]
+    (folder / WEEKS).write_text(json.dumps(document))
+    return weeks
+
+
+def _written_weeks(raw: Path, parameters: ShopParameters, seeds: int) -> Iterator[Week]:
+    quiet = replace(parameters, seed=100, weeks=QUIET_WEEKS, first_day=str(QUIET_FROM))
+    write_weeks(raw, quiet)
+    for k in range(QUIET_WEEKS):
+        yield Week(fault="", first=str(QUIET_FROM + timedelta(weeks=k)), spans=[])
+    first = FAULTS_FROM
+    for seed in range(1, seeds + 1):
+        for name, fault in FAULTS.items():
+            week = replace(parameters, seed=seed, weeks=1, first_day=str(first))
+            yield Week(fault=name, first=str(first), spans=write_weeks(raw, week, fault))
+            first += timedelta(weeks=1)
+
+
+def read_weeks(folder: Path) -> list[Week]:
+    """Weeks of a project that :func:`project_with_weeks` made."""
+    return [Week(**one) for one in json.loads((folder / WEEKS).read_text())]
