@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 import pipeline.app.program_commands  # noqa: F401, its commands
-from pipeline.app.chatter import document, said
+from pipeline.app.chatter import JudgedFile, document, said
 from pipeline.app.kerf import app
 from pipeline.cutting.stability.recorded_chatter import RecordedChatter
 
@@ -87,12 +87,17 @@ def test_a_speed_that_is_never_above_0_is_said_in_a_sentence(tmp_path: Path) -> 
     assert "no value above 0" in " ".join(done.output.split())
 
 
+def of_a_file(verdict: RecordedChatter) -> JudgedFile:
+    return JudgedFile(verdict=verdict, channels=["acc"], begins_s=0.0, seconds=3.0,
+                      file_seconds=3.0, stretches=1)  # fmt: skip
+
+
 def test_the_json_has_none_for_a_number_that_is_not_finite() -> None:
     unknown = RecordedChatter(
         verdict="not decided", why="", speed_rpm=np.nan, tooth_passing_Hz=np.nan,
         frequency=np.zeros(0), spectrum=np.zeros(0),
     )  # fmt: skip
-    assert document(unknown)["speed_rpm"] is None
+    assert document(of_a_file(unknown))["speed_rpm"] is None
 
 
 def test_the_begin_counts_from_the_recording_not_from_its_longest_stretch(tmp_path: Path) -> None:
@@ -105,8 +110,11 @@ def test_the_begin_counts_from_the_recording_not_from_its_longest_stretch(tmp_pa
     np.savetxt(file, np.column_stack([100.0 + t, signal])[kept], delimiter=",", comments="",
                header="time,acc", fmt="%.9g")  # fmt: skip
     found, text = judged(file, "--speed", str(SPEED_RPM))
-    assert found["begins_s"] == pytest.approx(4.0, abs=0.5)
-    assert f"from {found['begins_s']:.2f} s on" in text
+    assert found["begins_s"] == pytest.approx(4.0, abs=0.05)
+    assert f"from {found['begins_s']:.2f} s on, loudest in acc" in text
+    assert found["seconds_in_cut"] == pytest.approx(4.0, abs=0.1)
+    assert "judged 4.0 of 6.0 s, from 2.00 s on: the longest of 2 stretches" in text
+    assert "at least so much of the cut agrees" in text
 
 
 def test_no_begin_is_printed_where_none_is_known() -> None:
@@ -114,7 +122,7 @@ def test_no_begin_is_printed_where_none_is_known() -> None:
         verdict="chatter", why="", kind="Hopf", frequency_Hz=743.0, speed_rpm=6000.0,
         tooth_passing_Hz=300.0, frequency=np.zeros(0), spectrum=np.zeros(0),
     )  # fmt: skip
-    assert not any("from" in line for line in said(locked))
+    assert not any("from" in line for line in said(of_a_file(locked)))
 
 
 def test_the_unit_in_a_name_says_that_a_channel_is_an_acceleration(tmp_path: Path) -> None:

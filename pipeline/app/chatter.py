@@ -6,7 +6,7 @@ rate, and ``--rate`` where neither does; one that contradicts them is refused.
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,11 +32,30 @@ SAME = 0.01
 """Deviation from the file's own time up to which a stated rate is the same [1]."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class JudgedFile:
+    """Verdict on a file and what of the file it rests on."""
+
+    verdict: RecordedChatter
+    """Times count from the file's begin [s]."""
+    channels: Sequence[str]
+    begins_s: float
+    """Where the stretch that was judged begins in the file [s]."""
+    seconds: float
+    """Length of that stretch [s]."""
+    file_seconds: float
+    stretches: int
+    """Evenly sampled stretches of the file, between gaps, dead rows and stops of the spindle."""
+
+
 def chatter_of(
     file: Path, teeth: int, speed: str, *, channels: Sequence[str] = (), rate: float | None = None,
     machine: str | None = None,
-) -> RecordedChatter:  # fmt: skip
-    """Verdict on a recording; ``speed`` is a number [rev/min] or the name of a column of it."""
+) -> JudgedFile:  # fmt: skip
+    """Verdict on the longest evenly sampled stretch of a recording.
+
+    ``speed`` is a number [rev/min] or the name of a column of it.
+    """
     if teeth < 1:
         raise ValueError(f"--teeth {teeth} must be at least 1")
     table, has_rate = _table(file)
@@ -68,7 +87,8 @@ def chatter_of(
         raise ValueError(f"--speed {speed} has no value above 0 rev/min in {file}: name another")
     rows = np.flatnonzero(np.isfinite(values).all(axis=0) & np.isfinite(time) & turns)
     try:
-        longest = max(uniform_segments(time[rows]), key=lambda one: one.samples)
+        stretches = list(uniform_segments(time[rows]))
+        longest = max(stretches, key=lambda one: one.samples)
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from error
     even = np.stack([longest.on_grid(one[rows]) for one in values])
@@ -77,9 +97,14 @@ def chatter_of(
         even, 1 / longest.period, n, teeth, speeds_rpm=_speeds(machine),
         derivatives=[_derivative(_unit(table.schema.field(name))) for name in used],
     )  # fmt: skip
-    if judged.begins_s is None:
-        return judged
-    return replace(judged, begins_s=judged.begins_s + longest.start - float(np.nanmin(time)))
+    begins = longest.start - float(np.nanmin(time))
+    if judged.begins_s is not None:
+        judged = replace(judged, begins_s=judged.begins_s + begins)
+    return JudgedFile(
+        verdict=judged, channels=used, begins_s=begins, seconds=even.shape[1] * longest.period,
+        file_seconds=float(np.nanmax(time) - np.nanmin(time)) + longest.period,
+        stretches=len(stretches),
+    )  # fmt: skip
 
 
 def _unit(column: pa.Field) -> str:
@@ -152,29 +177,44 @@ def _time(
     return own
 
 
-def document(found: RecordedChatter) -> dict[str, Any]:
+def document(found: JudgedFile) -> dict[str, Any]:
     """The verdict for JSON, without the spectrum; None for a number that is not finite."""
+    verdict = asdict(found.verdict)
+    if found.verdict.channel is not None:
+        verdict["channel"] = found.channels[found.verdict.channel]
+    file = asdict(found)
+    named = {f"judged_{k}": file[k] for k in ("begins_s", "seconds", "file_seconds", "stretches")}
     return {
         k: None if isinstance(v, float) and not np.isfinite(v) else v
-        for k, v in asdict(found).items() if k not in ("frequency", "spectrum")
+        for k, v in (verdict | named).items() if k not in ("frequency", "spectrum")
     }  # fmt: skip
 
 
-def said(found: RecordedChatter) -> Iterator[str]:
+def said(file: JudgedFile) -> Iterator[str]:
     """Report of ``kerf chatter`` in lines."""
-    sure = "" if found.confidence is None else f" (confidence {100 * found.confidence:.0f} %)"
-    yield f"{found.verdict}{sure}: {found.why}"
+    found = file.verdict
+    yield f"{found.verdict}: {found.why}"
+    if found.confidence is not None:
+        sure = f"{100 * found.confidence:.0f} %"
+        yield f"confidence {sure}: at least so much of the cut agrees (95 %)"
     how = "by its lines" if found.seconds_in_cut else "as stated"
+    passing = rounded(found.tooth_passing_Hz, digits=4)
     yield (
-        f"speed {found.speed_rpm:.0f} rev/min {how}, tooth passing "
-        f"{rounded(found.tooth_passing_Hz, digits=4)} Hz, {found.seconds_in_cut:.1f} s in the cut"
+        f"speed {found.speed_rpm:.0f} rev/min {how}, tooth passing {passing} Hz, "
+        f"about {found.seconds_in_cut:.1f} s in the cut"
     )
+    if file.stretches > 1:
+        yield (
+            f"judged {file.seconds:.1f} of {file.file_seconds:.1f} s, from {file.begins_s:.2f} s "
+            f"on: the longest of {file.stretches} stretches between gaps; the others are not judged"
+        )
     if found.verdict != "chatter" or found.frequency_Hz is None:
         return
     yield (
         f"{found.kind}: chatter frequency {found.frequency_Hz:.1f} Hz +- "
         f"{found.frequency_error_Hz or 0:.1f} (95 %)"
         + ("" if found.begins_s is None else f", from {found.begins_s:.2f} s on")
+        + ("" if found.channel is None else f", loudest in {file.channels[found.channel]}")
     )
     if found.stable_speeds_rpm:
         words = ", ".join(f"{one:.0f}" for one in found.stable_speeds_rpm)

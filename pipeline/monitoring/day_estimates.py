@@ -1,8 +1,8 @@
 """Estimates of the champion for each row of a day of production records.
 
-Spindle temperatures are those of the champion's own predictor, which the nights ask too.  It gives
-a free run, which takes the measured temperature once a day, so that no slow fault is swallowed, and
-windows of an hour.  The power of a cut is what the spindle's load says above the no-load power,
+The spindle temperature is that of the champion's own predictor, which the nights ask too: a free
+run, which takes the measured temperature once a day, so that no slow fault is swallowed.  The
+power of a cut is what the spindle's load says above the no-load power,
 
     P_c = eta P_motor - P_0(n),    F_t = P_c / v_c,    v_c = pi D n,
 
@@ -15,16 +15,18 @@ feed is e = v (1 - k_ff) / K_v (Sim2023).
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from pipeline.monitoring.nightly import ServingModel
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import NoLoadPoint
-from pipeline.schema.si import MINUTE
+from pipeline.schema.days import day_start
+from pipeline.schema.si import MINUTE, NS
 from pipeline.schema.twin_state import AXES, CONTEXT, MODES
 from pipeline.schema.verdict import widest
 from pipeline.signals.cleaning.settings import CleanSettings
@@ -32,7 +34,7 @@ from pipeline.submodels.cases import Case
 from pipeline.submodels.conformal import ALL_REGIMES, Residuals, bands
 from pipeline.submodels.cutting.settings import SpindleLoadRecords
 from pipeline.submodels.cutting.spindle_load.levels import BEYOND, NORMAL, resolution, settled
-from pipeline.submodels.spindle.days import FREE_RUN, WINDOWS
+from pipeline.submodels.spindle.days import FREE_RUN
 
 NORMAL_90 = 1.645
 """Half of a 90 % interval of a normal distribution over its standard deviation [1]."""
@@ -41,12 +43,10 @@ TOOL_CHANGE_S = 20.0
 STEADY = 0.02
 """Share by which a feed may differ from those beside it to count as constant [1]."""
 CUT, AIR = MODES.index("cut"), MODES.index("air")
-TEMPERATURES = {FREE_RUN: "spindle_temperature", WINDOWS: "spindle_temperature_windows"}
-"""Quantity by the regime of the champion's prediction."""
-Reasons = dict[str, list[tuple[str, Any]]]
-Estimates = tuple[dict[str, Any], Reasons]
-"""Columns (T,) by name; for each quantity the reasons why it is not known with their rows, True
-for all, of which the first counts."""
+TEMPERATURE = "spindle_temperature"
+Values = dict[str, Any]
+Reasons = dict[str, str]
+"""Columns (T,) by name; for each quantity why it is not known where it is not."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,27 +78,32 @@ def spindle_power(serving: ServingModel | None) -> SpindlePower | None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DayRows:
-    """Rows of a day's clean table, T of them, with the place of each one's mode in ``MODES``."""
+    """Rows of a day's clean table, T of them."""
 
     day: str
-    table: pa.Table
-    seconds: Floats
-    """Time since the day's midnight [s]; shape (T,)."""
+    frame: pd.DataFrame
+    """The rows, by their time in the zone of the plant."""
     segments: pa.Table
     cleaning: CleanSettings
 
+    @cached_property
+    def seconds(self) -> Floats:
+        """Time since the day's midnight [s]; shape (T,)."""
+        index = pd.DatetimeIndex(self.frame.index)
+        return (index.as_unit("ns").asi8 - day_start(self.day, str(index.tz))) / NS
+
     def number(self, name: str) -> Floats:
         """A column of numbers, NaN where it is not known or not recorded; shape (T,)."""
-        if name not in self.table.column_names:
-            return np.full(len(self.seconds), np.nan)
-        return np.array(self.table[name].to_numpy(zero_copy_only=False), dtype=np.float64)
+        if name not in self.frame:
+            return np.full(len(self.frame), np.nan)
+        return self.frame[name].to_numpy(np.float64, copy=True, na_value=np.nan)
 
     def words(self, name: str) -> tuple[list[str], Any]:
         """Different words of a column, and the place of each row's among them, -1 for none."""
-        if name not in self.table.column_names:
-            return [], np.full(len(self.seconds), -1)
-        coded = self.table[name].combine_chunks().cast(pa.string()).dictionary_encode()
-        return coded.dictionary.to_pylist(), pc.fill_null(coded.indices, -1).to_numpy()
+        if name not in self.frame:
+            return [], np.full(len(self.frame), -1)
+        place, words = pd.factorize(self.frame[name])
+        return [str(word) for word in words], place
 
     def modes(self) -> Any:
         """Place in ``MODES`` of each row's mode, -1 where it is not known; shape (T,).
@@ -106,7 +111,7 @@ class DayRows:
         That is the kind of its segment; a tool change is where the spindle stands in a running
         program about a change of the tool's number.
         """
-        time = self.table["time"].cast(pa.int64()).to_numpy()
+        time = pd.DatetimeIndex(self.frame.index).as_unit("ns").asi8
         start, end = (self.segments[k].cast(pa.int64()).to_numpy() for k in ("start", "end"))
         kinds = [MODES.index(k) if k in MODES else -1 for k in self.segments["kind"].to_pylist()]
         place = np.searchsorted(start, time, side="right") - 1
@@ -116,11 +121,10 @@ class DayRows:
         active = np.array([one == "ACTIVE" for one in states] + [not states])[state]
         turns = np.abs(self.number("spindle_speed")) > self.cleaning.turning_rpm
         changed = np.flatnonzero((np.diff(tool) != 0) & (tool[1:] >= 0) & (tool[:-1] >= 0)) + 1
-        near = np.zeros(len(time) + 1)
-        for by in (1, -1):
-            at = self.seconds[changed] - by * TOOL_CHANGE_S
-            np.add.at(near, np.searchsorted(self.seconds, at), by)
-        changing = (np.cumsum(near)[:-1] > 0) & active & ~turns & (mode != CUT)
+        at = self.seconds[changed]
+        near = (np.searchsorted(at, self.seconds + TOOL_CHANGE_S, "right")
+                > np.searchsorted(at, self.seconds - TOOL_CHANGE_S, "right"))  # fmt: skip
+        changing = near & active & ~turns & (mode != CUT)
         return np.where(changing, MODES.index("tool_change"), mode)
 
 
@@ -136,114 +140,69 @@ class Estimators:
     """Diameters of the machine's tools by their number [m]."""
 
 
-def day_state(rows: DayRows, given: Estimators) -> Estimates:
-    """Columns of a day's state, and why its quantities are not known elsewhere."""
+def day_state(rows: DayRows, given: Estimators) -> tuple[Values, Reasons]:
+    """Columns of a day's state, and why its quantities are not known elsewhere.
+
+    A run-up, tapping, a spindle that stands and a cut are told by ``mode`` and ``spindle_steady``.
+    """
     mode = rows.modes()
     settle_s = given.power.records.settle_s if given.power else SpindleLoadRecords.settle_s
     steady = settled(rows.seconds, rows.number("spindle_speed"), settle_s=settle_s)
-    values = {name: rows.number(name) if unit else rows.table[name].combine_chunks()
-              for name, unit in CONTEXT.items() if name in rows.table.column_names}  # fmt: skip
+    values: Values = {name: rows.number(name) if unit else rows.frame[name]
+                      for name, unit in CONTEXT.items() if name in rows.frame}  # fmt: skip
+    powers = spindle_powers(rows, given, steady, mode)
     reasons: Reasons = {}
-    for found, why in (temperatures(rows, given), spindle_powers(rows, given, steady, mode),
-                       following_errors(rows, given.serving.get("drive"))):  # fmt: skip
-        values |= found
+    for columns, why in (
+        temperatures(rows, given), powers, following_errors(rows, given.serving.get("drive"))
+    ):  # fmt: skip
+        values |= columns
         reasons |= why
     values["spindle_steady"] = steady
-    values["mode"] = pa.DictionaryArray.from_arrays(
-        pa.array(mode, pa.int32(), mask=mode < 0), pa.array(MODES)
-    )
+    values["mode"] = pd.Categorical.from_codes(mode, pd.Index(MODES))
     return values, reasons
 
 
-def temperatures(rows: DayRows, given: Estimators) -> Estimates:
+def temperatures(rows: DayRows, given: Estimators) -> tuple[Values, Reasons]:
     """Spindle temperature as the champion predicts it, each value held over the model's step."""
-    measured = rows.number("spindle_temperature")
-    values = {"spindle_temperature_measured": measured}
+    values = {f"{TEMPERATURE}_measured": (measured := rows.number(TEMPERATURE))}
     serving, case = given.serving.get("spindle"), given.cases.get(rows.day)
     why = "no model serves" if serving is None else "sealed: not looked at"
     if serving is not None and case is not None:
+        run: Any = ()
         try:
-            found = serving.predictor(case)
-            why = found.note
+            predicted = serving.predictor(case)
+            why = predicted.note or "speed, load or temperature not known"
+            run = () if predicted.note else predicted.frame.query("regime == @FREE_RUN")
         except ValueError as error:
             why = str(error)
-        lacks = intervals_unknown(serving)
-        factor = widest(case.conditions, serving.model.conditions)
-        for regime, name in TEMPERATURES.items() if not why else ():
-            of = found.frame[found.frame["regime"] == regime]
-            t, estimated = of["t"].to_numpy(float), of["predicted"].to_numpy(float)
+        if len(run):
+            t, estimated = run["t"].to_numpy(float), run["predicted"].to_numpy(float)
             place = np.searchsorted(t, rows.seconds + 1e-6, side="right") - 1
-            step = np.diff(t, append=np.inf).min()
-            here = (place >= 0) & (rows.seconds - t[place] < step)
-            for part in ("low", "high") if name not in lacks else ():
-                wide = estimated + factor * (of[part].to_numpy(float) - estimated)
-                values[f"{name}_{part}"] = np.where(here, wide[place], np.nan)
-            values[f"{name}_estimated"] = np.where(here, estimated[place], np.nan)
-            values[f"{name}_residual"] = measured - values[f"{name}_estimated"]
-    reason = why or "speed, load or temperature not known"
-    return values, {name: [(reason, True)] for name in TEMPERATURES.values()}
+            here = (place >= 0) & (rows.seconds - t[place] < np.diff(t, append=np.inf).min())
+            columns = {"estimated": estimated}
+            if not interval_unknown(serving):
+                factor = widest(case.conditions, serving.model.conditions)
+                columns |= {part: estimated + factor * (run[part].to_numpy(float) - estimated)
+                            for part in ("low", "high")}  # fmt: skip
+            for part, column in columns.items():
+                values[f"{TEMPERATURE}_{part}"] = np.where(here, column[place], np.nan)
+            values[f"{TEMPERATURE}_residual"] = measured - values[f"{TEMPERATURE}_estimated"]
+    return values, {TEMPERATURE: why}
 
 
-def intervals_unknown(serving: ServingModel | None) -> dict[str, str]:
-    """Why the interval of a temperature is not known, by the name of the quantity."""
+def interval_unknown(serving: ServingModel | None) -> str:
+    """Why the interval of the spindle temperature is not known; empty where it is."""
     model: Any = None if serving is None else serving.model
-    if serving is None or model.intervals is None:
-        why = "no interval: it takes two training days" if serving else ""
-        return dict.fromkeys(TEMPERATURES.values(), why) if serving else {}
-    known = serving.verdict.unknown_intervals
-    return {name: known[TEMPERATURES[FREE_RUN], regime] for regime, name in TEMPERATURES.items()
-            if (TEMPERATURES[FREE_RUN], regime) in known}  # fmt: skip
+    if serving is None:
+        return ""
+    if model.intervals is None:
+        return "no interval: it takes two training days"
+    return serving.verdict.unknown_intervals.get((TEMPERATURE, FREE_RUN), "")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PowerRows:
-    """Power of the spindle at the tool in the rows of a day; shape (T,) each."""
-
-    n: Floats
-    """Speed [rev/s]."""
-    above: Floats
-    no_load: Floats
-    """Power above the no-load power, and that power [W]; NaN where they are not known."""
-    half: Floats
-    """Half of the 90 % interval of their difference, but for the load's scale [W]."""
-    defined: Bools
-    free: Bools
-    """Rows in which the power is defined, and those of them in which nothing is fed to cut."""
-
-
-def power_rows(rows: DayRows, power: SpindlePower, steady: Bools, mode: Any) -> PowerRows:
-    """Power of the spindle in the rows of a day."""
-    load = np.abs(rows.number("spindle_load"))
-    n, scale = np.abs(rows.number("spindle_speed")) / MINUTE, power.records.scale
-    no_load, own = power.no_load(n)
-    step = scale.power(resolution(load[np.isfinite(load)]), n) / np.sqrt(12)
-    above = scale.power(load, n) - no_load
-    feed = rows.number("path_feedrate")
-    still = mode == AIR if np.isnan(feed).all() else feed == 0
-    defined = steady & (n >= scale.drive.minimum_speed) & np.isfinite(above)
-    half = NORMAL_90 * np.hypot(step, own) + power.drift * no_load
-    return PowerRows(n=n, above=above, no_load=no_load, half=half, defined=defined,
-                     free=defined & still & (mode != CUT))  # fmt: skip
-
-
-def with_drift(power: SpindlePower, days: Iterable[DayRows]) -> SpindlePower:
-    """The power with the drift of its no-load power over training ``days``, two at least."""
-    found = []
-    for rows in days:
-        steady = settled(
-            rows.seconds, rows.number("spindle_speed"), settle_s=power.records.settle_s
-        )
-        one = power_rows(rows, power, steady, rows.modes())
-        over = np.maximum(np.abs(one.above) - one.half, 0.0)[one.free] / one.no_load[one.free]
-        words = np.full(len(over), ""), np.full(len(over), rows.day)
-        found.append(Residuals(error=over, regime=words[0], group=words[1],
-                               t=rows.seconds[one.free]))  # fmt: skip
-    if sum(len(one.error) > 0 for one in found) < 2:
-        return power
-    return replace(power, drift=bands(Residuals.joined(found))[ALL_REGIMES].upper)
-
-
-def spindle_powers(rows: DayRows, given: Estimators, steady: Bools, mode: Any) -> Estimates:
+def spindle_powers(
+    rows: DayRows, given: Estimators, steady: Any, mode: Any
+) -> tuple[Values, Reasons]:
     """No-load power, cutting power and tangential force where they are defined.
 
     Air whose power is surely above the no-load power becomes a cut in ``mode``: the log's own
@@ -251,34 +210,51 @@ def spindle_powers(rows: DayRows, given: Estimators, steady: Bools, mode: Any) -
     """
     power, names = given.power, ("no_load_power", "cutting_power", "tangential_force")
     if power is None:
-        return {}, {name: [("no model with a no-load power serves", True)] for name in names}
-    one = power_rows(rows, power, steady, mode)
-    half = np.hypot(one.half, NORMAL_90 / NORMAL * power.records.scale_error * one.above)
-    margin = power.records.scale.power(rows.cleaning.load_margin, one.n)
-    mode[one.defined & ~one.free & (mode == AIR) & (one.above - half > margin)] = CUT
-    cut = one.defined & (mode == CUT)
+        return {}, dict.fromkeys(names, "no model with a no-load power serves")
+    load, feed = np.abs(rows.number("spindle_load")), rows.number("path_feedrate")
+    n, scale = np.abs(rows.number("spindle_speed")) / MINUTE, power.records.scale
+    no_load, own = power.no_load(n)
+    above = scale.power(load, n) - no_load
+    step = scale.power(resolution(load[np.isfinite(load)]), n) / np.sqrt(12)
+    near = NORMAL_90 * np.hypot(step, own) + power.drift * no_load
+    half = np.hypot(near, NORMAL_90 / NORMAL * power.records.scale_error * above)
+    defined = steady & (n >= scale.drive.minimum_speed) & np.isfinite(above)
+    still = mode == AIR if np.isnan(feed).all() else feed == 0
+    free = defined & still & (mode != CUT)
+    surely = above - half > scale.power(rows.cleaning.load_margin, n)
+    mode[defined & ~free & (mode == AIR) & surely] = CUT
     words, place = rows.words("tool_number")
     diameter = np.array([given.diameters.get(tool_of(word), np.nan) for word in words] + [np.nan])
-    speed = np.where(one.n > 0, np.pi * diameter[place] * one.n, np.nan)
-    free, above = (np.where(w, v, np.nan) for w, v in ((one.free, one.no_load), (cut, one.above)))
+    v_c = np.where(n > 0, np.pi * diameter[place] * n, np.nan)
+    free_no_load = np.where(free, no_load, np.nan)
+    cutting = np.where(defined & (mode == CUT), above, np.nan)
     values = {
-        "no_load_power_measured": free + one.above, **_ends("no_load_power", free, one.half),
-        "no_load_power_residual": np.where(one.free, one.above, np.nan),
-        **_ends("cutting_power", above, half),
-        **_ends("tangential_force", above / speed, half / speed),
+        "no_load_power_measured": free_no_load + above,
+        "no_load_power_residual": np.where(free, above, np.nan),
+        **_ends("no_load_power", free_no_load, near), **_ends("cutting_power", cutting, half),
+        **_ends("tangential_force", cutting / v_c, half / v_c),
     }  # fmt: skip
-    common = [
-        ("spindle stands", one.n == 0), ("speed or load not known", ~(one.n > 0)),
-        ("spindle below its minimum speed", one.n < power.records.drive.minimum_speed),
-        ("spindle's speed changes", ~steady),
-        ("speed beyond those of the no-load power", np.isnan(one.no_load)),
-        ("speed or load not known", ~one.defined),
-    ]  # fmt: skip
-    return values, {
-        "no_load_power": [*common, ("fed, so that it may cut", True)],
-        "cutting_power": [("no cut", mode != CUT), *common],
-        "tangential_force": [("no cut", mode != CUT), *common, ("tool not in a tool table", True)],
-    }
+    why = "no steady spindle of known load, at a speed of its no-load power, that "
+    no_tool = "no cut by a tool of a tool table" if np.isfinite(cutting).any() else f"{why}cuts"
+    return values, dict(zip(names, (f"{why}turns free", f"{why}cuts", no_tool), strict=True))
+
+
+def with_drift(given: Estimators, days: Iterable[DayRows]) -> Estimators:
+    """The estimators with the drift of the no-load power over training ``days``, two at least."""
+    parts = []
+    for rows in days if given.power else ():
+        values, _ = day_state(rows, replace(given, serving={}))
+        known = np.flatnonzero(np.isfinite(values["no_load_power_residual"]))
+        estimated, high, off = (
+            values[f"no_load_power_{part}"][known] for part in ("estimated", "high", "residual")
+        )
+        beyond = np.maximum(np.abs(off) - (high - estimated), 0.0) / estimated
+        regime, group = (np.full(len(known), word) for word in (ALL_REGIMES, rows.day))
+        parts.append(Residuals(error=beyond, regime=regime, group=group, t=rows.seconds[known]))
+    if given.power is None or sum(len(one.error) > 0 for one in parts) < 2:
+        return given
+    drift = bands(Residuals.joined(parts))[ALL_REGIMES].upper
+    return replace(given, power=replace(given.power, drift=drift))
 
 
 def tool_of(word: str) -> int:
@@ -287,23 +263,25 @@ def tool_of(word: str) -> int:
     >>> tool_of("T04"), tool_of("12.0"), tool_of("probe")
     (4, 12, -1)
     """
-    found = re.search(r"\d+", word)
-    return int(found.group()) if found else -1
+    number = re.search(r"\d+", word)
+    return int(number.group()) if number else -1
 
 
-def following_errors(rows: DayRows, serving: ServingModel | None) -> Estimates:
+def following_errors(rows: DayRows, serving: ServingModel | None) -> tuple[Values, Reasons]:
     """Following error of each axis that is logged as commanded and as it is."""
-    values: dict[str, Any] = {}
+    values: Values = {}
     reasons: Reasons = {}
     for axis in AXES:
         name, command = f"{axis}_following_error", rows.number(f"{axis}_commanded_position")
         error = command - rows.number(f"{axis}_position")
-        reasons[name] = [("commanded and actual position not logged", np.isnan(error))]
+        values[f"{name}_measured"] = error
+        reasons[name] = "no constant feed of the axis"
+        if not np.isfinite(error).any():
+            reasons[name] = "commanded and actual position not logged"
         known = {} if serving is None else serving.model.parameters.get(axis.upper(), {})
         gain, forward = known.get("loop_gain"), known.get("velocity_feedforward")
-        values[f"{name}_measured"] = error
         if gain is None or gain.value is None or gain.interval_95 is None:
-            reasons[name].append(("no model with the axis' loop gain serves", True))
+            reasons[name] += ", and no model with its loop gain"
             continue
         before = np.diff(command, prepend=np.nan) / np.diff(rows.seconds, prepend=np.nan)
         after = np.append(before[1:], np.nan)
@@ -315,10 +293,9 @@ def following_errors(rows: DayRows, serving: ServingModel | None) -> Estimates:
         spread = np.hypot(share * np.ptp(gain.interval_95) / gain.value, np.ptp(ends))
         half = NORMAL_90 / NORMAL / 2 * spread * np.abs(lag)
         values |= {**_ends(name, share * lag, half), f"{name}_residual": error - share * lag}
-        reasons[name].append(("axis stands or its feed changes", True))
     return values, reasons
 
 
-def _ends(name: str, estimated: Floats, half: Floats) -> dict[str, Floats]:
+def _ends(name: str, estimated: Floats, half: Floats) -> Values:
     return {f"{name}_estimated": estimated, f"{name}_low": estimated - half,
             f"{name}_high": estimated + half}  # fmt: skip

@@ -9,22 +9,23 @@ at the level of the tool's own earlier cuts of the same kind: how resonances ans
 other tool has run at, conditions do not say.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 
 from pipeline.cutting.force.force_law import N_MM, N_MM2
 from pipeline.monitoring.day_estimates import spindle_power
 from pipeline.monitoring.nightly import ServingModel
 from pipeline.schema.arrays import Floats
 from pipeline.schema.golden import GoldenSets
-from pipeline.schema.store import write_table
+from pipeline.schema.predictions import write_predictions
 from pipeline.schema.twin_state import RECORDINGS, ForceCheck, TrendCheck
 from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.cases import Records, role_of
+from pipeline.submodels.conformal import ALL_REGIMES, Residuals, bands
 from pipeline.submodels.cutting.spindle_load.identify import load_logs
 from pipeline.submodels.cutting.spindle_load.levels import load_levels
 from pipeline.submodels.cutting.spindle_load.readings import cut_log, program_lines, read_log
@@ -39,7 +40,7 @@ share their effect."""
 SILENT = 0.05
 """Share of a tool's usual RMS below which a sensor shows nothing of a cut [1]."""
 EARLIER, FEWEST_TOOLS = 2, 3
-"""Cuts of a tool from which its level is known; tools from which on a correlation is told."""
+"""Cuts of a tool from which its level is known; tools from which on there is a correlation."""
 
 
 def band_rms(values: Any, rate_Hz: float, band_Hz: tuple[float, ...]) -> Floats:
@@ -67,15 +68,13 @@ def recorded_trends(
     Sealed tools are not looked at.
     """
     (out / RECORDINGS).unlink(missing_ok=True)
-    lives = serving.one.cases(records, serving.judging, sets) if serving else None
-    windows = [case.load() for case in lives.cases if case.role != "sealed"] if lives else []
-    every = WearWindows.joined(windows) if windows else None
-    if every is None:
+    lives = serving.one.cases(records, serving.judging, sets).cases if serving else ()
+    windows = [case.load() for case in lives if case.role != "sealed"]
+    if not windows:
         return ()
+    every = WearWindows.joined(windows)
     channels = [k for k, name in enumerate(every.channels)
                 if every.units[k] == "m/s^2" or name.startswith("vibration")]  # fmt: skip
-    if not channels:
-        return ()
     low, high = BAND_HZ
     if every.rate_Hz < 2 * high or every.rate_Hz / every.values.shape[2] > low * (1 + 1e-9):
         why = (f"windows of {every.values.shape[2]} samples at {every.rate_Hz:g} Hz do not hold "
@@ -83,71 +82,74 @@ def recorded_trends(
         return tuple(TrendCheck(quantity=every.channels[k], least=LEAST_CORRELATION, reason=why)
                      for k in channels)  # fmt: skip
     _, first, member = np.unique(every.recording, return_index=True, return_inverse=True)
-    power = band_rms(every.values[:, channels], every.rate_Hz, BAND_HZ) ** 2
-    rms = np.sqrt(pd.DataFrame(power).groupby(member).mean().to_numpy())
-    cuts, found, checks = every.of(first), [], []
-    for k, measured in zip(channels, rms.T, strict=True):
-        table, one = _trend(cuts, measured, every.channels[k])
-        found.append(table.assign(unit=every.units[k]))
-        checks.append(one)
-    units = {"wear": every.wear_unit, **every.condition_units}
-    stored = pa.Table.from_pandas(pd.concat(found), preserve_index=False)
-    fields = [field.with_metadata({"unit": units.get(field.name, "")}) for field in stored.schema]
-    write_table(stored.cast(pa.schema(fields)), out / RECORDINGS)
-    return tuple(checks)
+    power = pd.DataFrame(band_rms(every.values[:, channels], every.rate_Hz, BAND_HZ) ** 2)
+    rms = np.sqrt(power.groupby(member).mean().to_numpy())
+    cuts = every.of(first)
+    trends = [_trend(cuts, measured, every.channels[k], every.units[k])
+              for k, measured in zip(channels, rms.T, strict=True)]  # fmt: skip
+    if trends:
+        write_predictions(pd.concat([table for table, _ in trends]), out / RECORDINGS)
+    return tuple(check for _, check in trends)
 
 
-def _trend(cuts: WearWindows, rms: Floats, quantity: str) -> tuple[pd.DataFrame, TrendCheck]:
-    """Rows of one channel's RMS (N,) beside what is expected, and their correlation."""
-    table = pd.DataFrame({
-        "recording": cuts.recording, "tool": cuts.tool, "quantity": quantity, "measured": rms,
-        "wear": cuts.wear, **cuts.conditions,
-    })  # fmt: skip
-    silent = rms < SILENT * table.groupby("tool")["measured"].transform("median")
-    log = np.log(table["measured"].where(~silent & (table["measured"] > 0)))
-    new = _expected(table, log, cuts)
+def _trend(
+    cuts: WearWindows, rms: Floats, quantity: str, unit: str
+) -> tuple[pd.DataFrame, TrendCheck]:
+    """Predictions of one channel's RMS (N,), and how they correlate with what was measured."""
+    conditions = pd.DataFrame(cuts.conditions)
     words = [name for name in cuts.conditions if name not in cuts.condition_units]
-    order = np.argsort(cuts.progress, kind="stable")
-    off = (log - new).iloc[order].dropna()
-    level = off.groupby([table.loc[off.index, name] for name in ("tool", *words)]).transform(
+    kind = conditions[words].astype(str).agg(", ".join, axis=1) if words else ""
+    table = pd.DataFrame({
+        "case": cuts.recording, "group": cuts.tool, "role": "held_out", "quantity": quantity,
+        "unit": unit, "regime": kind, "t": cuts.progress, "measured": rms, "predicted": np.nan,
+        "low": np.nan, "high": np.nan, "scored": True,
+    })  # fmt: skip
+    usual = table.groupby("group")["measured"].transform("median")
+    log = np.log(table["measured"].where(rms > SILENT * usual))
+    new = _expected(log, cuts, conditions, words)
+    life = (log - new).iloc[np.argsort(cuts.progress, kind="stable")].dropna()
+    level = life.groupby([table["group"], table["regime"]]).transform(
         lambda own: own.expanding(EARLIER).median().shift()
     )
-    estimated = new + level.reindex(new.index)
-    half = (log - estimated).abs().quantile(0.9)
-    both, tools = log.notna() & estimated.notna(), table["tool"][log.notna() & estimated.notna()]
-    r = [float(np.exp(log[both]).corr(np.exp(one[both]))) for one in (estimated, new)]
-    several = tools.nunique() >= FEWEST_TOOLS and bool(np.isfinite(r).all())
-    check = TrendCheck(
-        quantity=quantity, recordings=len(tools), tools=tools.nunique(), least=LEAST_CORRELATION,
-        correlation=round(r[0], 4) if several else None,
-        correlation_new_tool=round(r[1], 4) if several else None,
-        reason="" if several else f"fewer than {FEWEST_TOOLS} tools of known wear with "
-        f"{EARLIER + 1} cuts of a kind",
-    )  # fmt: skip
+    expected = new + level.reindex(new.index)
+    off = (log - expected).dropna()
+    tools = table["group"][off.index]
+    check = TrendCheck(quantity=quantity, recordings=len(off), tools=tools.nunique(),
+                       least=LEAST_CORRELATION)  # fmt: skip
+    measured = table["measured"][off.index]
+    r = [measured.corr(np.exp(one[off.index])) for one in (expected, new)]
+    if tools.nunique() < FEWEST_TOOLS or not np.isfinite(r).all():
+        why = f"fewer than {FEWEST_TOOLS} tools of known wear with {EARLIER + 1} cuts of a kind"
+        return table, replace(check, reason=why)
+    residuals = Residuals(error=off.to_numpy(), regime=np.full(len(off), ALL_REGIMES),
+                          group=tools.to_numpy(str), t=np.zeros(len(off)))  # fmt: skip
+    half = bands(residuals)[ALL_REGIMES].upper
     return table.assign(
-        estimated=np.exp(estimated), low=np.exp(estimated - half), high=np.exp(estimated + half),
-        residual=rms - np.exp(estimated), estimated_new_tool=np.exp(new),
-    ), check  # fmt: skip
+        predicted=np.exp(expected), low=np.exp(expected - half), high=np.exp(expected + half),
+        baseline_new_tool=np.exp(new),
+    ), replace(check, correlation=round(r[0], 4),
+               correlation_new_tool=round(r[1], 4))  # fmt: skip
 
 
-def _expected(table: pd.DataFrame, log: Any, cuts: WearWindows) -> Any:
+def _expected(log: Any, cuts: WearWindows, conditions: pd.DataFrame, words: list[str]) -> Any:
     """Logarithm of the RMS of each cut by the cuts of the other tools; NaN where not known."""
     from sklearn.linear_model import HuberRegressor
+    from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
 
     numbers = [name for name in cuts.condition_units
-               if not np.array_equal(table[name], cuts.progress, equal_nan=True)]  # fmt: skip
-    words = [name for name in cuts.conditions if name not in cuts.condition_units]
-    logs = {name: np.log(table[name].where(table[name] > 0)) for name in numbers}
-    dummies = pd.get_dummies(table[words], dtype=float) if words else table[[]]
-    design = dummies.assign(**logs, wear=table["wear"])
-    design = design.loc[:, design.std() > 1e-9]
-    design = (design - design.mean()) / design.std()
+               if not np.array_equal(conditions[name], cuts.progress, equal_nan=True)]  # fmt: skip
+    positive = conditions[numbers].where(conditions[numbers] > 0)
+    design = positive.transform(np.log).assign(wear=cuts.wear)
+    design = design.join(pd.get_dummies(conditions[words], dtype=float)) if words else design
     known, new = design.notna().all(axis=1) & log.notna(), log * np.nan
-    for tool in table["tool"].unique():
-        others, own = known & (table["tool"] != tool), known & (table["tool"] == tool)
-        if own.any() and table["tool"][others].nunique() > 1:
-            model = HuberRegressor(alpha=RIDGE * int(others.sum()), max_iter=1000)
-            new[own] = model.fit(design[others], log[others]).predict(design[own])
+    if len(np.unique(cuts.tool[known])) >= FEWEST_TOOLS:
+        huber = HuberRegressor(alpha=RIDGE * int(known.sum()), max_iter=1000)
+        new[known] = cross_val_predict(
+            make_pipeline(StandardScaler(), huber), design[known], log[known],
+            groups=cuts.tool[known], cv=LeaveOneGroupOut(),
+        )  # fmt: skip
     return new
 
 
@@ -165,7 +167,7 @@ def force_check(
     signals, raw = records.signals, records.raw
     if serving is None or power is None or len(K) < 2 or signals is None or raw is None:
         return None
-    load, errors, used = power.records, [np.zeros(0)], []
+    load, errors = power.records, dict[str, Floats]()
     for log in load_logs(records.files, load, signals, raw):
         output, cut = log.entry.get("output"), log.cut
         if not cut or not output or role_of([log.name], serving.judging.roles, sets) == "sealed":
@@ -176,15 +178,14 @@ def force_check(
                                name=log.name, program=cut.program)  # fmt: skip
         except ValueError:
             continue  # identification says why it is left out
-        levels = load_levels(labelled, load.scale, settle_s=load.settle_s)
-        cuts = levels.where((levels.removal > 0) & (levels.speed >= load.drive.minimum_speed))
-        said = K[0] * N_MM2 * cuts.removal + K[1] * N_MM * cuts.edge
+        cuts = load_levels(labelled, load.scale, settle_s=load.settle_s)
+        cuts = cuts.where((cuts.removal > 0) & (cuts.speed >= load.drive.minimum_speed))
+        law_power = K[0] * N_MM2 * cuts.removal + K[1] * N_MM * cuts.edge
         # of the force as of the power: both are over the same cutting speed
-        off = np.abs(cuts.power - power.no_load(cuts.speed)[0] - said) / said
-        errors.append(off[np.isfinite(off)])
-        used.append(log.name)
-    joined = np.concatenate(errors)
+        off = np.abs(cuts.power - power.no_load(cuts.speed)[0] - law_power) / law_power
+        errors[log.name] = off[np.isfinite(off)]
+    joined = np.concatenate([np.zeros(0), *errors.values()])
     return ForceCheck(
-        recordings=tuple(used), levels=len(joined), most_percent=MOST_PERCENT,
+        recordings=tuple(errors), levels=len(joined), most_percent=MOST_PERCENT,
         mape_percent=round(100 * float(joined.mean()), 2) if len(joined) else None,
     )  # fmt: skip

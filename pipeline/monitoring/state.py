@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.monitoring.budget import MonitoringSettings
@@ -13,20 +12,16 @@ from pipeline.monitoring.day_estimates import (
     DayRows,
     Estimators,
     day_state,
-    intervals_unknown,
+    interval_unknown,
     spindle_power,
     with_drift,
 )
 from pipeline.monitoring.nightly import serving_models
 from pipeline.monitoring.recorded_state import force_check, recorded_trends
-from pipeline.schema.days import day_start, zone_of
+from pipeline.schema.days import zone_of
 from pipeline.schema.golden import GoldenSets
-from pipeline.schema.identity import MachineIdentity
-from pipeline.schema.si import NS
 from pipeline.schema.store import write_json
 from pipeline.schema.twin_state import (
-    AXES,
-    CONTEXT,
     DAYS,
     MANIFEST,
     QUANTITIES,
@@ -36,12 +31,12 @@ from pipeline.schema.twin_state import (
     write_day,
 )
 from pipeline.signals.cleaning.settings import CleanSettings
-from pipeline.signals.windows import state_days
+from pipeline.signals.windows import read_state, state_days
 from pipeline.submodels.cases import Records, Roles, files_of_day, role_of
 
 
 def write_twin_state(
-    champion: Path, records: Records, out: Path, *, identity: MachineIdentity, roles: Roles,
+    champion: Path, records: Records, out: Path, *, roles: Roles,
     cleaning: CleanSettings, tools: Mapping[int, float], sets: GoldenSets | None,
     values: dict[str, Any],
 ) -> None:  # fmt: skip
@@ -60,47 +55,34 @@ def write_twin_state(
                    for day in state_days(clean)}  # fmt: skip
 
     def rows_of(day: str) -> DayRows:
-        path = clean / "state" / f"{day}.parquet"
-        positions = {f"{a}_{kind}position" for a in AXES for kind in ("", "commanded_")}
-        wanted = {"time", "spindle_temperature", *CONTEXT, *positions}
-        table = pq.read_table(path, columns=[n for n in pq.read_schema(path).names if n in wanted])
-        time = table["time"].cast(pa.timestamp("ns", tz=zone))
-        table = table.set_column(table.column_names.index("time"), "time", time)
-        since = time.cast(pa.int64()).to_numpy() - day_start(day, zone)
-        return DayRows(day=day, table=table, seconds=since / NS, segments=segments,
-                       cleaning=cleaning)  # fmt: skip
+        return DayRows(day=day, frame=read_state(clean, day), segments=segments, cleaning=cleaning)
 
-    if (power := spindle_power(serving.get("cutting"))) is not None:
-        training = [day for day, role in role_by_day.items() if role == "training"]
-        power = with_drift(power, map(rows_of, training))
     given = Estimators(
-        serving=serving, power=power, diameters=tools,
+        serving=serving, power=spindle_power(serving.get("cutting")), diameters=tools,
         cases={one.name: one for one in cases if one.role != "sealed"},
     )  # fmt: skip
+    given = with_drift(
+        given, (rows_of(day) for day, role in role_by_day.items() if role == "training")
+    )
     days = {}
     for day, role in role_by_day.items():
         rows = rows_of(day)
-        found, reasons = day_state(rows, given)
-        write_day(rows.table["time"].combine_chunks(), found, day_path(out, day))
-        known_s, unknown_s = dict[str, float](), dict[str, dict[str, float]]()
-        for name in QUANTITIES:
-            left = ~np.isfinite(found.get(f"{name}_estimated", np.full(len(rows.seconds), np.nan)))
-            known_s[name], unknown_s[name] = float((~left).sum() * cleaning.period_s), {}
-            for why, where in reasons[name]:
-                if n := int((left & where).sum()):
-                    unknown_s[name][why] = unknown_s[name].get(why, 0.0) + n * cleaning.period_s
-                left = left & ~np.asarray(where)
-        days[day] = StateDay(role=role, seconds=len(rows.seconds) * cleaning.period_s,
-                             known_s=known_s, unknown_s=unknown_s)  # fmt: skip
+        columns, reasons = day_state(rows, given)
+        write_day(rows.frame.index, columns, day_path(out, day))
+        known_s = {name: float(np.isfinite(columns.get(f"{name}_estimated", np.nan)).sum())
+                   * cleaning.period_s for name in QUANTITIES}  # fmt: skip
+        days[day] = StateDay(
+            role=role, seconds=len(rows.seconds) * cleaning.period_s, known_s=known_s,
+            unknown={name: reasons[name] for name, seconds in known_s.items() if not seconds},
+        )  # fmt: skip
     for path in (out / DAYS).glob("*.parquet"):
         if path.stem not in days:
             path.unlink()
     state = TwinState(
-        machine=identity.name, origin=identity.origin, period_s=cleaning.period_s, days=days,
+        period_s=cleaning.period_s, days=days,
         bundle=next((one.bundle for one in serving.values()), ""),
         submodels={name: one.verdict.status for name, one in serving.items()},
-        no_load_drift=None if power is None else round(power.drift, 4),
-        intervals_unknown=intervals_unknown(spindle),
+        temperature_interval_unknown=interval_unknown(spindle),
         trends=recorded_trends(serving.get("wear"), records, sets, out),
         force=force_check(serving.get("cutting"), records, sets),
     )  # fmt: skip

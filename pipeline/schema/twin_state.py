@@ -2,12 +2,12 @@
 
 ``data/twin_state/<machine>/days/<day>.parquet`` has the rows of the clean state table of that day
 and the same columns for every machine: ``time``, :data:`CONTEXT`, :func:`columns`;
-``recordings.parquet`` has a row for each cut and channel that was recorded alone; ``state.json`` is
-:class:`TwinState`.  Null means not known, and ``state.json`` says why.
+``recordings.parquet`` has the vibration of cuts that were recorded alone, as predictions by tool;
+``state.json`` is :class:`TwinState`.  Null means not known; ``state.json`` says why for a day.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,13 +34,12 @@ AXES = ("x", "y", "z")
 _WATT, _UNMEASURED = "WATT", PARTS[1:4]
 QUANTITIES: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "spindle_temperature": ("CELSIUS", PARTS),
-    "spindle_temperature_windows": ("CELSIUS", PARTS[1:]),
     "no_load_power": (_WATT, PARTS), "cutting_power": (_WATT, _UNMEASURED),
     "tangential_force": ("NEWTON", _UNMEASURED),
     **{f"{axis}_following_error": ("MILLIMETER", PARTS) for axis in AXES},
 }  # fmt: skip
 """Unit and parts of each quantity.  The temperature is estimated from speed and load after one
-measurement a day, ``windows`` after one an hour; powers are those at the tool."""
+measurement a day; powers are those at the tool."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,8 +50,8 @@ class StateDay:
     seconds: float
     known_s: Mapping[str, float]
     """Time over which each quantity is estimated [s]."""
-    unknown_s: Mapping[str, Mapping[str, float]]
-    """Time over which it is not, by reason [s]."""
+    unknown: Mapping[str, str]
+    """Why a quantity is estimated nowhere on this day."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,8 +88,6 @@ class ForceCheck:
 class TwinState:
     """The content of ``state.json``."""
 
-    machine: str
-    origin: str
     bundle: str
     """Hash of the bundle that estimates; empty where nothing serves."""
     submodels: Mapping[str, Status]
@@ -98,11 +95,8 @@ class TwinState:
     period_s: float
     """Time between two rows [s]."""
     days: Mapping[str, StateDay]
-    no_load_drift: float | None = None
-    """Half of the 90 % interval of the no-load power beyond its identification, as a share of it,
-    by training days; None where it was not identified."""
-    intervals_unknown: Mapping[str, str] = field(default_factory=dict)
-    """Why low and high of a quantity are null throughout."""
+    temperature_interval_unknown: str = ""
+    """Why low and high of the spindle temperature are null throughout; empty where they are not."""
     trends: tuple[TrendCheck, ...] = ()
     force: ForceCheck | None = None
 
@@ -118,18 +112,22 @@ def day_path(folder: Path, day: str) -> Path:
     return folder / DAYS / f"{day}.parquet"
 
 
-def write_day(time: "pa.Array", values: Mapping[str, Any], path: Path) -> None:
-    """Store a day: ``values`` by :func:`columns`, (T,) each, null where one is missing."""
+def write_day(time: Any, values: Mapping[str, Any], path: Path) -> None:
+    """Store a day: ``values`` by :func:`columns`, (T,) each, null where one is missing.
+
+    ``time`` (T,) is an index of times with the zone of the plant.
+    """
     import pyarrow as pa
 
-    fields, arrays = [pa.field("time", time.type, nullable=False)], [time]
+    arrays, fields = [pa.array(time.as_unit("ns"))], []
     for name, unit in columns().items():
-        kind = pa.float32() if unit else pa.bool_()
-        kind = pa.dictionary(pa.int32(), pa.string()) if name in WORDS else kind
+        kind = pa.float32() if unit else pa.string() if name in WORDS else pa.bool_()
         one = values.get(name)
-        fields.append(pa.field(name, kind, metadata={"unit": unit}))
-        arrays.append(pa.nulls(len(time), kind) if one is None else one.cast(kind) if name in WORDS
-                      else pa.array(one, kind, from_pandas=True))  # fmt: skip
+        array = (pa.nulls(len(time), kind) if one is None
+                 else pa.array(one, from_pandas=True).cast(kind))  # fmt: skip
+        arrays.append(array.dictionary_encode() if name in WORDS else array)
+        fields.append(pa.field(name, arrays[-1].type, metadata={"unit": unit}))
+    fields = [pa.field("time", arrays[0].type, nullable=False), *fields]
     write_table(pa.Table.from_arrays(arrays, schema=pa.schema(fields)), path)
 
 

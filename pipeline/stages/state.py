@@ -7,7 +7,6 @@ from pipeline.fleet import Fleet
 from pipeline.monitoring.state import write_twin_state
 from pipeline.parameters import read_params
 from pipeline.schema.golden import read_golden
-from pipeline.schema.identity import MachineIdentity
 from pipeline.signals.cleaning.settings import CleanMachine, CleanSettings
 from pipeline.stages.optimise import named
 from pipeline.submodels.cases import Records, Roles
@@ -22,7 +21,6 @@ def state(
     written: Path,
     *,
     fleet: Fleet,
-    identity: MachineIdentity,
     roles: Roles,
     cleaning: CleanSettings,
     mapping: CleanMachine,
@@ -36,7 +34,7 @@ def state(
     )
     tables = [named(tool, one, "tool").tools for one in mapping.tool_tables]
     write_twin_state(
-        champion, records, written, identity=identity, roles=roles, cleaning=cleaning,
+        champion, records, written, roles=roles, cleaning=cleaning,
         sets=read_golden(golden / f"{name}.json"), values=read_params(),
         tools={number: one.diameter for table in tables for number, one in table.items()},
     )  # fmt: skip

@@ -6,8 +6,6 @@ from pathlib import Path
 from time import process_time
 
 import numpy as np
-import pandas as pd
-import pyarrow as pa
 import pytest
 
 from pipeline.monitoring.day_estimates import day_state
@@ -37,10 +35,8 @@ def test_a_day_at_10_hz(tmp_path: Path, benchmark: Callable[..., object]) -> Non
                **{f"{axis}_{kind}position": np.cumsum(rng.normal(size=ROWS))
                   for axis in "xyz" for kind in ("", "commanded_")}}  # fmt: skip
     rows = day_rows({**{k: np.full(ROWS, v) for k, v in words.items()}, **numbers}, "cut", 0.1)
-    path = tmp_path / "clean.parquet"
-    pa.parquet.write_table(rows.table, path)
     case = Case(name=rows.day, group=rows.day, role="held_out", files=(), conditions={},
-                load=lambda: pd.read_parquet(path).set_index("time"))  # fmt: skip
+                load=lambda: rows.frame)  # fmt: skip
     with inside(root):
         from pipeline.monitoring.budget import MonitoringSettings
         from pipeline.monitoring.nightly import ServingModel
@@ -56,7 +52,7 @@ def test_a_day_at_10_hz(tmp_path: Path, benchmark: Callable[..., object]) -> Non
 
     def state() -> None:
         found, _ = day_state(rows, given)
-        write_day(rows.table["time"].combine_chunks(), found, tmp_path / "day.parquet")
+        write_day(rows.frame.index, found, tmp_path / "day.parquet")
         assert np.isfinite(found["spindle_temperature_estimated"]).mean() > 0.9
 
     benchmark.pedantic(state, rounds=2)  # type: ignore[attr-defined]

@@ -50,13 +50,11 @@ def day_rows(columns: Mapping[str, Any], kind: str, period_s: float = 1.0) -> Da
     """Rows of a day from midnight on, all in one segment."""
     n = len(next(iter(columns.values())))
     time = pd.date_range("2026-01-05", periods=n, freq=pd.Timedelta(seconds=period_s), tz="UTC")
-    table = pa.Table.from_pandas(
-        pd.DataFrame({"time": time.as_unit("ns"), **columns}), preserve_index=False
-    )
+    frame = pd.DataFrame(dict(columns), index=time.as_unit("ns"))
     ends = {"start": time[:1], "end": time[-1:] + pd.Timedelta(seconds=period_s)}
     segments = pa.table({name: pa.array(one.as_unit("ns")) for name, one in ends.items()})
     return DayRows(
-        day="2026-01-05", table=table, seconds=np.arange(n) * period_s,
+        day="2026-01-05", frame=frame,
         segments=segments.append_column("kind", pa.array([kind])),
         cleaning=CleanSettings(period_s=period_s),
     )  # fmt: skip

@@ -69,7 +69,8 @@ def test_a_hopf_line_is_found_with_its_begin_though_the_speed_is_off_by_a_percen
     found = recorded_chatter(y, RATE, 1.01 * N_S, TEETH)
     assert (found.verdict, found.kind) == ("chatter", "Hopf")
     assert found.frequency_Hz == pytest.approx(757.3, abs=1.0)  # a third of a bin
-    assert found.begins_s == pytest.approx(1.5, abs=40 / N_S)  # half a segment
+    assert found.begins_s == pytest.approx(1.5, abs=0.05)
+    assert found.seconds_in_cut == pytest.approx(4.0, abs=0.1)
     assert found.speed_rpm == pytest.approx(6000.0, rel=3e-4)
 
 
@@ -85,6 +86,24 @@ def test_period_doubling_of_two_teeth_is_not_told_from_runout() -> None:
     y = y + sum(2 * np.cos(2 * np.pi * (k + 0.5) * 2 * N_S * t) for k in range(3))
     found = recorded_chatter(y, RATE, N_S, 2)
     assert found.verdict == "not decided" and "runout" in found.why
+
+
+@pytest.mark.parametrize("wander", [0.0, 2e-4, 1e-3])
+@pytest.mark.parametrize("seconds", [3.0, 8.0, 20.0])
+def test_the_flank_of_a_tooth_passing_line_is_no_chatter(wander: float, seconds: float) -> None:
+    t = np.arange(int(seconds * RATE)) / RATE
+    turned = 2 * np.pi * np.cumsum(N_S * (1 + wander * np.sin(2 * np.pi * 0.7 * t))) / RATE
+    y = sum(np.cos(k * TEETH * turned + k) / k for k in range(1, 6))
+    y = y + 0.05 * np.random.default_rng(1).standard_normal(len(t))
+    found = recorded_chatter(y, RATE, 1.005 * N_S, TEETH)
+    assert (found.verdict, found.frequency_Hz) == ("stable", None)
+
+
+def test_a_cut_that_begins_late_has_its_time_within_half_a_segment() -> None:
+    t, y = synthetic(9.0)
+    rest = 0.1 * np.random.default_rng(3).standard_normal(len(t))
+    found = recorded_chatter(np.where((t > 2.0) & (t < 7.0), y, rest), RATE, N_S, TEETH)
+    assert found.seconds_in_cut == pytest.approx(5.0, abs=0.64)
 
 
 def test_runout_mains_and_a_shaken_structure_are_no_chatter() -> None:
@@ -113,7 +132,7 @@ def test_chatter_that_starts_and_stops_is_found_with_its_begin(begin: float) -> 
     found = recorded_chatter(y, RATE, N_S, TEETH)
     assert found.verdict == "chatter"
     assert found.envelope == pytest.approx(1.0, abs=0.1)
-    assert found.begins_s == pytest.approx(begin, abs=64 / N_S)  # half a segment
+    assert found.begins_s == pytest.approx(begin, abs=0.05)
 
 
 def test_chatter_that_comes_and_goes_is_never_stable() -> None:
