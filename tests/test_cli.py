@@ -22,8 +22,8 @@ from click.testing import Result
 from numba import njit
 from typer.testing import CliRunner
 
-import pipeline.app.kerf as kerf_options
 import pipeline.app.incident_commands
+import pipeline.app.kerf as kerf_options
 import pipeline.app.life_commands
 import pipeline.app.program_commands  # noqa: F401, its commands
 from pipeline.app.commands import app

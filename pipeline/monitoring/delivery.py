@@ -101,9 +101,7 @@ def deliveries(ledger: Path) -> list[Delivery]:
     return [one for one, _ in read_lines(ledger, Delivery, remedy)]
 
 
-def _sent(
-    one: Incident, webhook: Webhook, now: Clock, wait: Callable[[float], object]
-) -> Delivery:
+def _sent(one: Incident, webhook: Webhook, now: Clock, wait: Callable[[float], object]) -> Delivery:
     body, why = json_line(one).encode(), ""
     for attempt in range(1, webhook.attempts + 1):
         pause = webhook.wait_s * 2 ** (attempt - 1)

@@ -4,6 +4,7 @@ It is grown again from the stored windows: the same trees from the same seed, wi
 Its score is -``score_samples``: 0.5 is usual, near 1 is isolated within few splits.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Self
@@ -12,9 +13,8 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.monitoring.incident_settings import IncidentSettings
-from pipeline.monitoring.rules import slope
 from pipeline.monitoring.windows import RAW, RESIDUALS, Windows
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Bools, Floats
 
 SEED = 0
 NAMED = 3
@@ -27,25 +27,29 @@ class KnownGood:
 
     names: tuple[str, ...]
     x: Floats
-    """Features; shape (N, F), no NaN."""
-    middle: Floats
-    """Medians, for windows in which a feature is not known; shape (F,)."""
+    """Features; shape (N, F), no NaN: the median where one is not known."""
     trees: int
 
     @classmethod
-    def of(cls, names: tuple[str, ...], x: Floats, settings: IncidentSettings) -> Self:
-        """Known-good windows of features ``x`` (N, F), at most as many as the settings say."""
-        every = x[:: max(1, -(-len(x) // settings.samples))]
-        middle = np.array([np.median(one[np.isfinite(one)]) for one in every.T])
-        return cls(names=names, x=np.where(np.isfinite(every), every, middle), middle=middle,
-                   trees=settings.trees)  # fmt: skip
+    def of(
+        cls, windows: Windows, values: Mapping[str, Floats], settings: IncidentSettings
+    ) -> Self | None:
+        """Known-good windows, with ``values`` of the rules; None without any that counts."""
+        names = feature_names(windows, settings)
+        x = _features(windows, values, names)[_counts(windows)][:: max(1, -(
+            -int(_counts(windows).sum()) // settings.samples))]  # fmt: skip
+        known = np.isfinite(x).any(axis=0)
+        if not len(x) or not known.any():
+            return None
+        middle = np.nanmedian(x[:, known], axis=0)
+        return cls(names=tuple(np.array(names)[known].tolist()), trees=settings.trees,
+                   x=np.where(np.isfinite(x[:, known]), x[:, known], middle))  # fmt: skip
 
     @classmethod
     def of_table(cls, table: pa.Table, settings: IncidentSettings) -> Self:
         """Known-good windows as :meth:`table` has stored them."""
-        names = tuple(table.column_names)
-        x = np.column_stack([table[name].to_numpy() for name in names])
-        return cls(names=names, x=x, middle=np.median(x, axis=0), trees=settings.trees)
+        x = np.column_stack([one.to_numpy() for one in table.columns])
+        return cls(names=tuple(table.column_names), x=x, trees=settings.trees)
 
     def table(self) -> pa.Table:
         """The windows as a table."""
@@ -59,45 +63,44 @@ class KnownGood:
         return IsolationForest(n_estimators=self.trees, random_state=SEED).fit(self.x)
 
     @cached_property
-    def spread(self) -> Floats:
-        """Half of the 5 to 95 % range of each feature; shape (F,)."""
-        low, high = np.quantile(self.x, [0.05, 0.95], axis=0)
-        return np.maximum((high - low) / 2, 1e-9)
+    def middle(self) -> Floats:
+        """Median of each feature, which counts where one is not known; shape (F,)."""
+        return np.median(self.x, axis=0)
 
     def scores(self, x: Floats) -> Floats:
-        """Score of windows (N, F), of which NaN counts as usual; shape (N,)."""
-        if not len(x):
-            return np.zeros(0)
+        """Score of windows (N, F); shape (N,)."""
         known = np.where(np.isfinite(x), x, self.middle)
-        return -np.asarray(self.forest.score_samples(known))
+        return -np.asarray(self.forest.score_samples(known)) if len(x) else np.zeros(0)
 
-    def furthest(self, x: Floats) -> list[int]:
-        """Places of the features of one window (F,) that are furthest from their usual values."""
-        off = np.abs(np.where(np.isfinite(x), x, self.middle) - self.middle) / self.spread
-        return [int(k) for k in np.argsort(-off, kind="stable")[:NAMED]]
+    def windows(self, windows: Windows, values: Mapping[str, Floats]) -> Floats:
+        """Score of each window, NaN where it does not count; shape (W,)."""
+        found, counts = np.full(len(windows), np.nan), _counts(windows)
+        found[counts] = self.scores(_features(windows, values, self.names)[counts])
+        return found
+
+    def furthest(self, windows: Windows, values: Mapping[str, Floats], place: int) -> list[str]:
+        """Features of one window that are furthest from their usual values, in spreads."""
+        x = _features(windows, values, self.names)[place]
+        low, high = np.quantile(self.x, [0.05, 0.95], axis=0)
+        off = np.abs(np.where(np.isfinite(x), x - self.middle, 0.0)) / np.maximum(high - low, 1e-9)
+        return [self.names[k] for k in np.argsort(-off, kind="stable")[:NAMED]]
 
 
 def feature_names(windows: Windows, settings: IncidentSettings) -> tuple[str, ...]:
-    """Features that a machine's known-good windows have."""
+    """Features by what the settings want of residuals and vibration."""
     residuals = [f"{name}_distance" for name in RESIDUALS.values()]
-    wanted = [*RAW, "temperature_slope", *(["cutting_power", *residuals, "usual_load_distance"]
-                                           if settings.residuals else [])]  # fmt: skip
-    wanted += [name for name in windows.values if "vibration" in name] if settings.vibration else []
+    wanted = [*RAW, "temperature_slope"]
+    wanted += ["cutting_power", *residuals, "cut_load_high"] if settings.residuals else []
+    vibration = [name for name in windows.values if "vibration" in name]
+    return (*wanted, *(vibration if settings.vibration else []))
+
+
+def _features(windows: Windows, values: Mapping[str, Floats], names: tuple[str, ...]) -> Floats:
+    have, none = {**windows.values, **values}, np.full(len(windows), np.nan)
+    return np.column_stack([have.get(name, none) for name in names])
+
+
+def _counts(windows: Windows) -> Bools:
+    """Whether a window counts: its rows do, and their load and speed are known; shape (W,)."""
     have = windows.values
-    return tuple(name for name in wanted if name in ("temperature_slope", "usual_load_distance")
-                 or np.isfinite(have[name][windows.counts]).any())  # fmt: skip
-
-
-def features(
-    windows: Windows, names: tuple[str, ...], usual: Floats, settings: IncidentSettings
-) -> tuple[Floats, Any]:
-    """Features (N, F) of the windows that count, and their places; ``usual`` as the rules have it.
-
-    A window counts where its load and speed are known.
-    """
-    have = {**windows.values, "temperature_slope": slope(windows, settings),
-            "usual_load_distance": usual}  # fmt: skip
-    none = np.full(len(windows), np.nan)
-    good = windows.counts & np.isfinite(have["load"]) & np.isfinite(have["speed"])
-    columns = [have.get(name, none)[good] for name in names]
-    return np.column_stack(columns) if columns else np.zeros((0, 0)), np.flatnonzero(good)
+    return windows.counts & np.isfinite(have["load"]) & np.isfinite(have["speed"])

@@ -1,7 +1,6 @@
 """Events of a machine's rules, forest and recurring alarms, grouped into incidents, each once."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 
@@ -10,13 +9,20 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.monitoring.forest import KnownGood, features
 from pipeline.monitoring.incident_settings import IncidentSettings
-from pipeline.monitoring.rules import RULES, Rule, dwell_name, fixed_limits, rule_values
-from pipeline.monitoring.usual import FOREST
+from pipeline.monitoring.rules import (
+    RULES,
+    TEMPERATURE,
+    Rule,
+    dwell_name,
+    fixed_limits,
+    rule_values,
+)
+from pipeline.monitoring.usual import FOREST, Usual
 from pipeline.monitoring.windows import Windows, dwell, windows_of
-from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.schema.incident import Event, Incident, Monitor, Monitored, RuleState, Severity
+from pipeline.schema.arrays import Floats, Ints
+from pipeline.schema.identity import MachineIdentity
+from pipeline.schema.incident import Event, Incident, Monitor, Monitored, RuleState, Severity, Who
 from pipeline.schema.si import DAY, HOUR, MINUTE, NS
 from pipeline.schema.twin_state import TwinState
 
@@ -28,187 +34,149 @@ PROGRAM_TYPES = ("MOTION_PROGRAM", "SYSTEM")
 """Types of conditions (MTConnect part 2) that programs and operation cause."""
 PROGRAM_CHECK = "Program, offsets and operation before each of them; the control's manual."
 ALARM_CHECK = "What was done before each of them: axis, clamp, door, level; the control's manual."
-UNITS = {"load": "%", "speed": "rev/min", "feed": "mm/s", "temperature": "°C",
-         "temperature_estimated": "°C", "cutting_power": "W"}  # fmt: skip
-"""Evidence of an event, and its units."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Run:
-    """Windows of an event: rule, first and last one, the one of the greatest value."""
-
-    rule: str
-    places: Ints
-    value: float
-    limit: float
-    furthest: tuple[str, ...] = ()
+EVIDENCE = ("load", "speed", "feed", "temperature", "temperature_estimated", "cutting_power")
+"""Quantities beside an event: load [%], speed [rev/min], feed [mm/s], temperatures [°C], power
+[W]."""
 
 
 def monitored(
-    state: TwinState, folder: Path, clean: Path, monitor: Monitor, known_good: KnownGood | None,
+    identity: MachineIdentity, state: TwinState, folder: Path, clean: Path, usual: Usual,
     settings: IncidentSettings, conditions: Mapping[str, tuple[str, str]],
 ) -> Monitored:  # fmt: skip
     """Incidents of all days of a state, whole weeks at once.
 
     ``conditions``: part of the machine and MTConnect type by the control's data item.
     """
-    windows = windows_of(state, folder, clean, sorted(state.days), settings)
-    runs, rules = scored(windows, state, monitor, known_good, settings)
-    events = [_event(windows, run) for run in runs]
-    worked = np.cumsum(windows.values["running"]) * windows.length_s if len(windows) else np.zeros(1)
-    incidents = grouped(events, windows.start, worked, state, settings)
-    incidents += recurring(clean / "alarms.parquet", state, settings, conditions)
+    windows = windows_of(folder, clean, sorted(state.days), settings)
+    events, rules = scored(windows, state, usual, settings)
+    incidents = grouped(events, windows, identity, settings)
+    incidents += recurring(clean / "alarms.parquet", identity, settings, conditions)
     return Monitored(
-        machine=state.machine, origin=state.origin, days=tuple(sorted(state.days)),
-        known_good=monitor.days, worked_s=round(float(worked[-1]), 1), rules=rules,
+        machine=identity.name, origin=identity.origin, days=tuple(sorted(state.days)),
+        known_good=usual.monitor.days, rules=rules,
+        worked_s=round(float(windows.values["running"].sum()) * windows.length_s, 1),
         incidents=tuple(sorted(incidents, key=lambda one: (one.start, one.component))),
     )  # fmt: skip
 
 
 def scored(
-    windows: Windows, state: TwinState, monitor: Monitor, known_good: KnownGood | None,
-    settings: IncidentSettings,
-) -> tuple[list[Run], dict[str, RuleState]]:  # fmt: skip
-    """Runs of windows in which a rule held for its dwell, and what each rule was assessed on."""
-    values = rule_values(windows, monitor.loads, settings)
-    given = {name: one for name, one in fixed_limits(settings).items()
-             if not RULES[name].learnt or name == "temperature_slope"}  # fmt: skip
-    limits = given | dict(monitor.limits)
-    x, places = features(windows, monitor.features, values["cut_load_high"], settings)
-    values[FOREST] = np.full(len(windows), np.nan)
-    if known_good is not None:
-        values[FOREST][places] = known_good.scores(x)
-    found: list[Run] = []
-    states: dict[str, RuleState] = {}
+    windows: Windows, state: TwinState, usual: Usual, settings: IncidentSettings
+) -> tuple[list[Event], dict[str, RuleState]]:
+    """Events in which a rule held for its dwell, and what each rule was assessed on."""
+    values = rule_values(windows, usual.monitor.loads, settings)
+    if usual.known_good is not None:
+        values[FOREST] = usual.known_good.windows(windows, values)
+    given = {name: one for name, one in fixed_limits(settings).items() if not RULES[name].learnt}
+    limits = {"temperature_slope": settings.slope_K_min} | given | dict(usual.monitor.limits)
+    events, states = list[Event](), dict[str, RuleState]()
     for name, rule in RULES.items():
-        limit = limits.get(name)
-        known = np.isfinite(values[name]) if limit is not None else np.zeros(len(windows), bool)
-        own = []
-        if limit is not None:
+        limit, assessed, own = limits.get(name), 0.0, list[Ints]()
+        if limit is not None and name in values:
             n = dwell(windows, settings.dwell_s[dwell_name(name)])
-            own = list(_runs(name, values[name], limit, windows, n))
-        found += own
-        assessed = float(known.sum()) * windows.length_s
+            own = list(_runs(values[name], limit, windows, n))
+            assessed = float(np.isfinite(values[name]).sum()) * windows.length_s
+            events += [_event(name, windows, values, run, limit, usual) for run in own]
         states[name] = RuleState(
             limit=limit, unit=rule.unit, assessed_s=assessed, events=len(own),
-            not_assessed="" if assessed else _why(name, rule, state, monitor),
+            not_assessed="" if assessed else _why(name, rule, state, usual.monitor),
         )  # fmt: skip
-    where = {int(place): k for k, place in enumerate(places)}
-    named = []
-    for run in found:
-        if run.rule == FOREST and known_good is not None:
-            at = run.places[int(np.argmax(values[FOREST][run.places]))]
-            furthest = known_good.furthest(x[where[int(at)]])
-            run = replace(run, furthest=tuple(known_good.names[k] for k in furthest))
-        named.append(run)
-    return named, states
+    return events, states
 
 
-def _runs(name: str, values: Floats, limit: float, windows: Windows, n: int) -> Iterator[Run]:
-    """Assessed windows above the limit, ``n`` in a row at least."""
+def _runs(values: Floats, limit: float, windows: Windows, n: int) -> Iterator[Ints]:
+    """Places of assessed windows above the limit, ``n`` in a row at least."""
     known = np.flatnonzero(np.isfinite(values))
     over = values[known] > limit
     apart = np.diff(windows.start[known], prepend=windows.start[known[:1]]) > BREAK_S * NS
     edge = np.flatnonzero((np.diff(over.astype(int), prepend=0) != 0) | apart)
-    for a, b in zip(edge, [*edge[1:], len(known)], strict=True):
+    for a, b in zip(edge, np.append(edge, len(known))[1:], strict=True):
         if over[a] and b - a >= n:
-            places = known[a:b]
-            yield Run(rule=name, places=places, value=float(values[places].max()), limit=limit)
+            yield known[a:b]
 
 
 def _why(name: str, rule: Rule, state: TwinState, monitor: Monitor) -> str:
     """Reason for which a rule could not be assessed at all."""
-    sums: dict[str, float] = {}
-    for day in state.days.values():
-        for reason, seconds in day.unknown_s.get(rule.needs, {}).items():
-            sums[reason] = sums.get(reason, 0.0) + seconds
-    if sums:
-        return max(sums, key=lambda reason: sums[reason])
-    if name in monitor.lacking:
-        return monitor.lacking[name]
-    return f"{rule.needs.replace('_', ' ')} is not in the records"
+    reasons = [day.unknown[rule.needs] for day in state.days.values() if rule.needs in day.unknown]
+    if len(reasons) == len(state.days) > 0:
+        return max(reasons, key=reasons.count)
+    if rule.component == TEMPERATURE and state.temperature_interval_unknown:
+        return state.temperature_interval_unknown
+    return monitor.lacking.get(name, f"{rule.needs.replace('_', ' ')} is not in the records")
 
 
-def _event(windows: Windows, run: Run) -> Event:
-    rule, at = RULES[run.rule], run.places[0]
-    have = windows.values
-    shown = {name: round(float(np.nanmean(have[name][run.places])), 3) for name in UNITS
-             if np.isfinite(have[name][run.places]).any()}  # fmt: skip
-    words = {name: str(one[at]) for name, one in windows.words.items() if one[at]}
-    if run.furthest:
-        words["furthest from usual"] = ", ".join(one.replace("_", " ") for one in run.furthest)
-    component = rule.component
-    if run.rule == FOREST and any("temperature" in one for one in run.furthest[:1]):
-        component = RULES["temperature_outside"].component
+def _event(
+    name: str, windows: Windows, values: Mapping[str, Floats], run: Ints, limit: float,
+    usual: Usual,
+) -> Event:  # fmt: skip
+    rule, have, component = RULES[name], windows.values, RULES[name].component
+    top = run[int(np.argmax(values[name][run]))]
+    words = {key: str(one[run[0]]) for key, one in windows.words.items() if one[run[0]]}
+    if name == FOREST and usual.known_good is not None:
+        furthest = usual.known_good.furthest(windows, values, int(top))
+        words["furthest from usual"] = ", ".join(one.replace("_", " ") for one in furthest)
+        component = TEMPERATURE if "temperature" in furthest[0] else component
     return Event(
-        rule=run.rule, component=component, severity=rule.severity,
-        start=_text(int(windows.start[at])),
-        end=_text(int(windows.start[run.places[-1]] + windows.length_s * NS)),
-        value=round(run.value, 3), limit=round(run.limit, 3), unit=rule.unit, values=shown,
-        words=words,
+        rule=name, component=component, severity=rule.severity, unit=rule.unit, words=words,
+        start=_text(int(windows.start[run[0]])),
+        end=_text(int(windows.start[run[-1]] + windows.length_s * NS)),
+        value=round(float(values[name][top]), 3), limit=round(limit, 3),
+        values={key: round(float(np.nanmean(have[key][run])), 3) for key in EVIDENCE
+                if np.isfinite(have[key][run]).any()},
     )  # fmt: skip
 
 
 def grouped(
-    events: Sequence[Event], start: Ints, worked: Floats, state: TwinState,
+    events: Sequence[Event], windows: Windows, identity: MachineIdentity,
     settings: IncidentSettings,
 ) -> list[Incident]:  # fmt: skip
     """Incidents of one component each: events on one day, or within ``join_h`` of work.
 
     What the forest finds while a rule holds belongs to the rule's incident.
     """
-    def hours(text: str) -> float:
-        place = np.searchsorted(start, _time(text), side="right") - 1
-        return float(worked[max(place, 0)]) / HOUR
+    worked = np.append(0.0, np.cumsum(windows.values["running"])) * windows.length_s / HOUR
+
+    def follows(group: list[Event], event: Event) -> bool:
+        end = max(one.end for one in group)
+        a, b = np.searchsorted(windows.start, [_time(end), _time(event.start)])
+        return end[:10] >= event.start[:10] or worked[b] - worked[a] <= settings.join_h
 
     groups: list[list[Event]] = []
-    by_rule = [one for one in events if one.rule != FOREST]
-    for event in sorted(by_rule, key=lambda one: (one.component, one.start)):
-        before = groups[-1] if groups else None
-        if before and before[0].component == event.component and (
-            max(one.end for one in before)[:10] == event.start[:10]
-            or hours(event.start) - max(hours(one.end) for one in before) <= settings.join_h
-        ):  # fmt: skip
-            before.append(event)
+    for event in sorted(events, key=lambda one: (one.rule == FOREST, one.component, one.start)):
+        near = [group for group in groups if any(
+            one.start <= event.end and event.start <= one.end for one in group)]  # fmt: skip
+        if event.rule == FOREST and near:
+            near[0].append(event)
+        elif groups and groups[-1][0].component == event.component and (
+            groups[-1][0].rule == FOREST) == (event.rule == FOREST) and follows(groups[-1], event):  # fmt: skip
+            groups[-1].append(event)
         else:
             groups.append([event])
-    alone = []
-    for event in sorted((one for one in events if one.rule == FOREST), key=lambda one: one.start):
-        near = [group for group in groups
-                if any(one.start <= event.end and event.start <= one.end for one in group)]  # fmt: skip
-        if near:
-            near[0].append(event)
-        elif alone and (alone[-1][-1].end[:10] == event.start[:10]
-                        or hours(event.start) - hours(alone[-1][-1].end) <= settings.join_h):  # fmt: skip
-            alone[-1].append(event)
-        else:
-            alone.append([event])
-    return [_incident(group, state) for group in (*groups, *alone)]
+    return [_incident(group, identity) for group in groups]
 
 
-def _incident(events: Sequence[Event], state: TwinState) -> Incident:
+def _incident(events: Sequence[Event], identity: MachineIdentity) -> Incident:
     by_rule = sorted(events, key=lambda one: (one.rule == FOREST, list(RULES).index(one.rule)))
     rule, first = RULES[by_rule[0].rule], min(events, key=lambda one: one.start)
     acts = any(one.severity == "act" for one in events)
     return incident_of(
-        events, state, component=by_rule[0].component, severity="act" if acts else "watch",
+        events, identity, component=by_rule[0].component, severity="act" if acts else "watch",
         title=rule.title, check=rule.check, who=rule.who, key=first.rule,
     )  # fmt: skip
 
 
 def incident_of(
-    events: Sequence[Event], state: TwinState, *, component: str, severity: Severity, title: str,
-    check: str, who: str, key: str,
+    events: Sequence[Event], identity: MachineIdentity, *, component: str, severity: Severity,
+    title: str, check: str, who: Who, key: str,
 ) -> Incident:  # fmt: skip
     """An incident; its id is that of machine, component, first rule and first day."""
     ordered = sorted(events, key=lambda one: (one.start, one.rule))
     by_share = sorted(ordered, key=lambda one: -one.value / one.limit)[: KEPT - 1]
     kept = [one for one in ordered if one is ordered[0] or one in by_share]
-    text = "|".join((state.machine, component, key, ordered[0].start[:10]))
+    text = "|".join((identity.name, component, key, ordered[0].start[:10]))
     spans = pd.DataFrame([(_time(one.start), _time(one.end)) for one in ordered])
     return Incident(
-        id=sha256(text.encode()).hexdigest()[:16], machine=state.machine, origin=state.origin,
-        component=component, severity=severity, title=title, check=check, who=who,  # type: ignore[arg-type]
+        id=sha256(text.encode()).hexdigest()[:16], machine=identity.name, origin=identity.origin,
+        component=component, severity=severity, title=title, check=check, who=who,
         start=ordered[0].start, end=max(one.end for one in ordered),
         seconds=_union(spans.to_numpy()) / NS, count=len(ordered), events=tuple(kept),
     )  # fmt: skip
@@ -221,7 +189,7 @@ def _union(spans: Ints) -> float:
 
 
 def recurring(
-    path: Path, state: TwinState, settings: IncidentSettings,
+    path: Path, identity: MachineIdentity, settings: IncidentSettings,
     conditions: Mapping[str, tuple[str, str]],
 ) -> list[Incident]:  # fmt: skip
     """Alarms of the control that recur: one incident a code, as long as it does.
@@ -237,7 +205,7 @@ def recurring(
     rows = table.select(["data_item", "level", "code", "message"]).to_pandas().fillna("")
     rows = rows.assign(start=start, end=np.where(np.isnan(end), start, end)).sort_values("start")
     return [
-        _alarm_incident(group, conditions.get(str(item), ("", "")), state, settings)
+        _alarm_incident(group, conditions.get(str(item), ("", "")), identity, settings)
         for (item, _, _), some in rows.groupby(["data_item", "code", "message"], sort=False)
         for group in _chains(some, settings)
     ]
@@ -267,7 +235,10 @@ def _grew(rows: pd.DataFrame, settings: IncidentSettings) -> tuple[float, float]
 
 
 def _alarm_incident(
-    rows: pd.DataFrame, condition: tuple[str, str], state: TwinState, settings: IncidentSettings
+    rows: pd.DataFrame,
+    condition: tuple[str, str],
+    identity: MachineIdentity,
+    settings: IncidentSettings,
 ) -> Incident:
     """Alarms of one code; a fault on several days is to act on, else it is to be watched."""
     where, kind = condition
@@ -278,16 +249,17 @@ def _alarm_incident(
     component = f"{where} ({item})" if where else str(item)
     events = [
         Event(
-            rule="alarm", component=component, severity=acts, start=_text(int(one.start)),
-            end=_text(int(one.end)), value=float(len(rows)), limit=float(settings.alarm_times),
-            unit="times", words={"alarm": words, "level": str(one.level)},
-        ) for one in rows.itertuples()
+            rule="alarm", component=component, severity=acts, start=_text(begin), end=_text(end), value=float(len(rows)), limit=float(settings.alarm_times),
+            unit="times", words={"alarm": words, "level": level},
+        )
+        for begin, end, level in zip(rows["start"].astype(int).tolist(),
+                                     rows["end"].astype(int).tolist(), rows["level"], strict=True)
     ]  # fmt: skip
     growth = "" if grew is None else f"; {grew[0]:.0f} min in a week after {grew[1]:.0f}"
     when = f"{days} days" if days > 1 else "one day"
     by_program = kind in PROGRAM_TYPES
     return incident_of(
-        events, state, component=component, severity=acts,
+        events, identity, component=component, severity=acts,
         title=f"Alarm {words} comes again: {len(rows)} times on {when}{growth}",
         check=PROGRAM_CHECK if by_program else ALARM_CHECK, key=f"alarm {words}",
         who="process engineer" if by_program else "maintenance",

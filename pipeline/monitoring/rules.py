@@ -102,7 +102,7 @@ RULES: Mapping[str, Rule] = {
     **{f"{axis}_following_error": Rule(
         component=f"{axis.upper()} axis", severity="act", who="maintenance", unit="half intervals",
         title=f"{axis.upper()} axis follows otherwise than the twin says",
-        check="Friction of guide and screw, lubrication, backlash, encoder; then the drive's gains.",
+        check="Friction of guide and screw, lubrication, backlash, encoder; then the drive.",
         needs=f"{axis}_following_error", learnt=True,
     ) for axis in AXES},
     "forest": Rule(
@@ -180,9 +180,10 @@ def stuck(windows: Windows, settings: IncidentSettings) -> Floats:
         for name in ("temperature", "temperature_estimated")
     }
     ranges = {name: (one.max() - one.min()).to_numpy() for name, one in rolled.items()}
-    since = windows.start - np.concatenate([windows.start[:1].repeat(n - 1), windows.start])[
-        : len(windows)
-    ]
+    since = (
+        windows.start
+        - np.concatenate([windows.start[:1].repeat(n - 1), windows.start])[: len(windows)]
+    )
     together = since <= 1.5 * settings.stuck_s * NS
     half = (have["temperature_high"] - have["temperature_low"]) / 2
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -211,7 +212,7 @@ def _levels(windows: Windows, settings: IncidentSettings) -> pd.DataFrame:
     level = grouped["load"].rolling(n).mean().droplevel(0)
     apart = grouped["start"].diff(n - 1)
     most = 3 * n * windows.length_s * NS
-    return rows.assign(level=level.where(apart.le(most) if n > 1 else True)).dropna()
+    return rows.assign(level=level.where(apart.fillna(0) <= most)).dropna()
 
 
 def usual_loads(windows: Windows, settings: IncidentSettings) -> dict[str, UsualLoad]:

@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 from pipeline.monitoring.incident_settings import IncidentSettings
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.schema.si import MINUTE, NS
-from pipeline.schema.twin_state import AXES, QUANTITIES, TwinState, read_day
+from pipeline.schema.twin_state import AXES, read_day
 from pipeline.signals.columns import unit_of
 
 MASKED = ("tool_change", "warm_up")
@@ -25,13 +25,17 @@ MASKED = ("tool_change", "warm_up")
 MOST_Z = 20.0
 """Most that one row counts, over half of its interval [1]."""
 RESIDUALS = {"spindle_temperature": "temperature", "no_load_power": "no_load",
-             "spindle_temperature_windows": "temperature_hourly",
              **{f"{axis}_following_error": f"{axis}_following" for axis in AXES}}  # fmt: skip
 """Quantities with a residual, and the names of their distances from the estimate."""
 RAW = ("speed", "load", "load_spread", "feed", "temperature")
 ACCELERATION = {"METER/SECOND^2", "MILLIMETER/SECOND"}
 """Units of vibration's RMS in further channels of the clean table."""
 WORDS = ("program", "tool_number", "mode")
+NAMES = (
+    *RAW, "fed", "running", "warming", "silent", "cutting_power", "temperature_estimated",
+    "temperature_low", "temperature_high", *(f"{name}_distance" for name in RESIDUALS.values()),
+)  # fmt: skip
+"""Values that every window has."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,7 +68,7 @@ class Windows:
     @classmethod
     def joined(cls, parts: Sequence[Self], length_s: float) -> Self:
         """Windows of days one after the other."""
-        names = sorted({name for one in parts for name in one.values})
+        names = sorted({*NAMES, *(name for one in parts for name in one.values)})
         none = np.zeros(0)
 
         def all_of(name: str) -> Floats:
@@ -82,9 +86,9 @@ class Windows:
 
 
 def windows_of(
-    state: TwinState, folder: Path, clean: Path, days: Iterable[str], settings: IncidentSettings
+    folder: Path, clean: Path, days: Iterable[str], settings: IncidentSettings
 ) -> Windows:
-    """Windows of ``days`` of a state, with the channels of vibration that the clean table has."""
+    """Windows of ``days`` of the state in a folder, with the channels of vibration that the clean table has."""
     parts = []
     for day in days:
         path, more = clean / "state" / f"{day}.parquet", None
@@ -139,8 +143,7 @@ def day_windows(
     square = mean(load**2, counts) - values["load"] ** 2
     values["load_spread"] = np.sqrt(np.maximum(square, 0.0))
     for quantity, name in RESIDUALS.items():
-        if "residual" in QUANTITIES[quantity][1]:
-            values[f"{name}_distance"] = mean(_distance(table, quantity, number))
+        values[f"{name}_distance"] = mean(_distance(quantity, number))
     for name in ("estimated", "low", "high"):
         values[f"temperature_{name}"] = mean(number(f"spindle_temperature_{name}"))
     for name in () if vibration is None else vibration.column_names:
@@ -163,7 +166,7 @@ def _is(words: tuple[list[str], Ints], wanted: Sequence[str]) -> Bools:
     return np.array([one in wanted for one in words[0]] + [False])[words[1]]
 
 
-def _distance(table: pa.Table, quantity: str, number: Any) -> Floats:
+def _distance(quantity: str, number: Any) -> Floats:
     """Residual over that half of the 90 % interval on its side, at most :data:`MOST_Z`; (T,)."""
     residual, estimated = number(f"{quantity}_residual"), number(f"{quantity}_estimated")
     low, high = number(f"{quantity}_low"), number(f"{quantity}_high")

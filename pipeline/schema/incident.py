@@ -25,7 +25,6 @@ class UsualLoad:
 class Monitor:
     """The content of ``monitor.json``: what is usual for a machine."""
 
-    machine: str
     days: tuple[str, ...]
     """Known-good days."""
     bundle: str

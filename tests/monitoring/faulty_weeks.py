@@ -15,9 +15,8 @@ import numpy as np
 
 from pipeline.parameters import read_params, structure
 from pipeline.schema.bundle import BUNDLE, bundle_of, stored_bundle
-from pipeline.schema.store import write_json
-
 from pipeline.schema.si import DAY
+from pipeline.schema.store import write_json
 from pipeline.shop import sensors
 from pipeline.shop.agent_log import Log, write_day
 from pipeline.shop.parameters import ShopParameters
@@ -51,24 +50,34 @@ def cooling_failure(machine: MachineState, day: Timeline, since: int) -> tuple[i
     """The pump of the chiller stands: its jackets keep a twentieth of their conductance."""
     if since == 0:
         paths = machine.parameters.spindle.paths
-        _spindle(machine, paths=replace(
-            paths, stator_jacket=0.05 * paths.stator_jacket,
-            housing_jacket=0.05 * paths.housing_jacket))
+        _spindle(
+            machine,
+            paths=replace(
+                paths,
+                stator_jacket=0.05 * paths.stator_jacket,
+                housing_jacket=0.05 * paths.housing_jacket,
+            ),
+        )
     return day.on, day.off
 
 
 def bearing_friction(machine: MachineState, day: Timeline, since: int) -> tuple[int, int] | None:
     """Lubricant's share of the friction of both bearings: twice as high each day."""
     spindle = machine.parameters.spindle
-    _spindle(machine, front=replace(spindle.front, f0=min(2.0 * spindle.front.f0, 10.0)),
-             rear=replace(spindle.rear, f0=min(2.0 * spindle.rear.f0, 10.0)))
+    _spindle(
+        machine,
+        front=replace(spindle.front, f0=min(2.0 * spindle.front.f0, 10.0)),
+        rear=replace(spindle.rear, f0=min(2.0 * spindle.rear.f0, 10.0)),
+    )
     return day.on, day.off
 
 
 def _operations(day: Timeline, least: float) -> list[tuple[int, int]]:
     """Spans of a day in which one tool cuts, each longer than four minutes, at ``least`` [W]."""
     heavy = day.cut_power >= least
-    key = np.where(heavy | (day.execution == Execution.ACTIVE), day.tool * 10000 + day.line // 100, -1)
+    key = np.where(
+        heavy | (day.execution == Execution.ACTIVE), day.tool * 10000 + day.line // 100, -1
+    )
     edges = np.flatnonzero(np.diff(key)) + 1
     spans = zip([0, *edges], [*edges, DAY], strict=True)
     return [(int(a), int(b)) for a, b in spans if b - a > 240 and heavy[a:b].mean() > 0.5]
@@ -174,7 +183,9 @@ def write_weeks(
         tips.append(sensors.tip_temperatures(day))
         if found is not None:
             began = min(began, number)
-            start = parameters.start.astype("datetime64[ns]").astype(np.int64) + number * DAY * 10**9
+            start = (
+                parameters.start.astype("datetime64[ns]").astype(np.int64) + number * DAY * 10**9
+            )
             spans.append((int(start + found[0] * 10**9), int(start + found[1] * 10**9)))
     sensors.write_thermocouples(out / "thermocouples", np.concatenate(tips), parameters)
     return spans
