@@ -336,7 +336,8 @@ def write_report(out: Path) -> Path:
         champion=DATA / "champion", golden=DATA / "golden", truth=DATA / "truth",
         programs=DATA / "programs", parts=DATA / "parts", trials=DATA / "trials",
         history=DATA / "history", ledger=DATA / "ledger", twin_state=DATA / "twin_state",
-        incidents=DATA / "incidents", settings=SETTINGS / HASHES, reports=out, metrics=out / "metrics.json",
+        incidents=DATA / "incidents", settings=SETTINGS / HASHES, reports=out,
+        metrics=out / "metrics.json",
         fleet=structure(values, "fleet", Fleet),
         budget=structure(values, "budget", str), pages=structure(values, "pages", ReportSettings),
     )  # fmt: skip

@@ -30,7 +30,7 @@ def incidents(
     email: Annotated[Path | None, typer.Option(help="Text of an e-mail, - for output.")] = None,
     json: kerf.Json = None,
 ) -> None:
-    """Incidents of MACHINE, as the stage monitor found them; exit status 3 where one needs action."""
+    """Incidents of MACHINE by its stage monitor; exit status 3 where one needs action."""
     from pipeline.monitoring.delivery import email_text
     from pipeline.schema.store import json_line, write_text
 

@@ -1,8 +1,8 @@
 """Delivery of incidents: each once to each webhook, signed, repeated until it is answered.
 
 The signature is ``t=<seconds>,v1=<HMAC-SHA256 of "<seconds>.<body>" in hex>`` in the header
-``Kerf-Signature``; the header ``Idempotency-Key`` is the incident's id, the same in each attempt, so
-that a receiver whose answer was lost counts it once.
+``Kerf-Signature``; the header ``Idempotency-Key`` is the incident's id, the same in each attempt,
+so that a receiver whose answer was lost counts it once.
 """
 
 import fcntl
@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
 
-from pipeline.schema.incident import Event, Incident
+from pipeline.schema.incident import Incident
 from pipeline.schema.ranges import Range, Ranged
 from pipeline.schema.store import json_line, read_lines
 
@@ -175,7 +175,7 @@ def _noted(delivery: Delivery, ledger: Path) -> None:
 
 
 def email_text(incidents: Sequence[Incident], machine: str, at: float) -> str:
-    """One message (RFC 5322) on incidents, without addresses: what, where, since when, what to do."""
+    """Message (RFC 5322) on incidents, without addresses: what, where, since when, what to do."""
     acts = sum(one.severity == "act" for one in incidents)
     message = EmailMessage()
     message["Subject"] = f"{machine}: {acts} to act on, {len(incidents) - acts} to watch"
@@ -188,17 +188,11 @@ def email_text(incidents: Sequence[Incident], machine: str, at: float) -> str:
 def _paragraph(one: Incident) -> str:
     often = f", {one.count} times" if one.count > 1 else ""
     simulated = " (simulated)" if one.origin == "simulated" else ""
+    first = one.events[0]
     return (
         f"[{one.severity}] {one.title}{simulated}\n"
         f"{one.component}, {one.start} to {one.end}{often}\n"
-        f"{evidence_words(one.events[0])}\n"
+        f"{first.rule.replace('_', ' ')} {first.value:g} {first.unit}, limit {first.limit:g}; "
+        f"{first.evidence}\n"
         f"Who: {one.who}. Check: {one.check}\nId: {one.id}"
     )
-
-
-def evidence_words(event: Event) -> str:
-    """Evidence of an event in one line."""
-    said = f"{event.rule.replace('_', ' ')} {event.value:g} {event.unit}, limit {event.limit:g}"
-    words = [f"{name.replace('_', ' ')} {one}" for name, one in event.words.items()]
-    values = [f"{name.replace('_', ' ')} {one:.4g}" for name, one in event.values.items()]
-    return "; ".join([said, *words, *values])

@@ -35,9 +35,9 @@ class IncidentSettings(Ranged, section="incidents"):
     """Limit over the most that the known-good days have."""
     stuck_s: Seconds = 3600.0
     stuck_interval: Annotated[float, Range(above=0.0, most=20.0, unit="1")] = 1.5
-    """Time over which a sensor says the same while the estimate moves, in halves of its interval."""
+    """Time for which a sensor says the same; move of the estimate then, in half intervals."""
     level_s: Seconds = 60.0
-    """Time over which loads of a program and tool are averaged before they are compared."""
+    """Time over which loads of a program and tool are compared, by their medians."""
     least_windows: Count = 18
     """Windows of a program and tool from which its usual load is known."""
     trees: Annotated[int, Range(least=10, most=2000)] = 200

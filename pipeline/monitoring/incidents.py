@@ -140,16 +140,18 @@ def grouped(
         a, b = np.searchsorted(windows.start, [_time(end), _time(event.start)])
         return end[:10] >= event.start[:10] or worked[b] - worked[a] <= settings.join_h
 
+    def kind(event: Event) -> tuple[bool, str]:
+        return event.rule == FOREST, event.component
+
     groups: list[list[Event]] = []
-    for event in sorted(events, key=lambda one: (one.rule == FOREST, one.component, one.start)):
-        near = [group for group in groups if any(
+    for event in sorted(events, key=lambda one: (*kind(one), one.start)):
+        near = [group for group in groups if event.rule == FOREST and any(
             one.start <= event.end and event.start <= one.end for one in group)]  # fmt: skip
-        if event.rule == FOREST and near:
-            near[0].append(event)
-        elif groups and groups[-1][0].component == event.component and (
-            groups[-1][0].rule == FOREST) == (event.rule == FOREST) and follows(groups[-1], event):  # fmt: skip
-            groups[-1].append(event)
-        else:
+        last = groups[-1:]
+        same = [one for one in last if kind(one[0]) == kind(event) and follows(one, event)]
+        for group in (near or same)[:1]:
+            group.append(event)
+        if not near and not same:
             groups.append([event])
     return [_incident(group, identity) for group in groups]
 
@@ -249,8 +251,9 @@ def _alarm_incident(
     component = f"{where} ({item})" if where else str(item)
     events = [
         Event(
-            rule="alarm", component=component, severity=acts, start=_text(begin), end=_text(end), value=float(len(rows)), limit=float(settings.alarm_times),
-            unit="times", words={"alarm": words, "level": level},
+            rule="alarm", component=component, severity=acts, start=_text(begin), end=_text(end),
+            value=float(len(rows)), limit=float(settings.alarm_times), unit="times",
+            words={"alarm": words, "level": level},
         )
         for begin, end, level in zip(rows["start"].astype(int).tolist(),
                                      rows["end"].astype(int).tolist(), rows["level"], strict=True)

@@ -47,7 +47,7 @@ RULES: Mapping[str, Rule] = {
         component=TEMPERATURE, severity="act", who="maintenance", unit="1",
         title="Temperature sensor of the spindle reports nothing while a program runs",
         check="Plug and cable of the sensor, its input at the control; is the item still sent?",
-        needs="spindle_temperature",
+        needs="spindle temperature",
     ),
     "sensor_stuck": Rule(
         component=TEMPERATURE, severity="act", who="maintenance", unit="half intervals",
@@ -59,7 +59,7 @@ RULES: Mapping[str, Rule] = {
         component=TEMPERATURE, severity="act", who="maintenance", unit="K/min",
         title="Spindle heats faster than it should",
         check="Chiller and its flow, bearing noise by hand; a jump without heat is the sensor.",
-        needs="spindle_temperature", learnt=True,
+        needs="spindle temperature", learnt=True,
     ),
     "temperature_outside": Rule(
         component=TEMPERATURE, severity="act", who="maintenance", unit="half intervals",
@@ -198,7 +198,7 @@ def cut_of(program: str, tool: str) -> str:
 
 
 def _levels(windows: Windows, settings: IncidentSettings) -> pd.DataFrame:
-    """Mean load of a program and tool over ``level_s`` up to each fed window, with its cut."""
+    """Median load of a program and tool over ``level_s`` up to each fed window, with its cut."""
     have, words = windows.values, windows.words
     good = windows.counts & (have["fed"] >= 0.5) & (have["speed"] > 0) & (words["program"] != "")
     rows = pd.DataFrame({
@@ -209,7 +209,7 @@ def _levels(windows: Windows, settings: IncidentSettings) -> pd.DataFrame:
     }).dropna()  # fmt: skip
     n = dwell(windows, settings.level_s)
     grouped = rows.groupby("cut", sort=False)
-    level = grouped["load"].rolling(n).mean().droplevel(0)
+    level = grouped["load"].rolling(n).median().droplevel(0)
     apart = grouped["start"].diff(n - 1)
     most = 3 * n * windows.length_s * NS
     return rows.assign(level=level.where(apart.fillna(0) <= most)).dropna()
@@ -235,7 +235,7 @@ def usual_loads(windows: Windows, settings: IncidentSettings) -> dict[str, Usual
 def distance_from_usual(
     windows: Windows, loads: Mapping[str, UsualLoad], settings: IncidentSettings
 ) -> Floats:
-    """Mean load over ``level_s`` less the usual one, over its spread; (W,), NaN where not known."""
+    """Load over ``level_s`` less the usual one, over its spread; (W,), NaN where not known."""
     found = np.full(len(windows), np.nan)
     if not loads or not len(windows):
         return found

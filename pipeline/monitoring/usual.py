@@ -1,7 +1,8 @@
 """What is usual for a machine, learnt from its known-good days: limits, loads, the forest.
 
-A rule's limit is the most that it held over its dwell on a known-good day that was left out of what
-it was learnt from, times a margin; for residuals at least a multiple of the twin's own interval.
+A rule's limit is the most that it held over its dwell on the known-good days, each left out in turn
+of what it was learnt from, times a margin; for residuals at least a multiple of the twin's own
+interval.
 """
 
 from collections.abc import Iterator
@@ -43,25 +44,31 @@ def identify_monitor(
     loads = usual_loads(windows, settings)
     values = rule_values(windows, loads, settings)
     known_good = KnownGood.of(windows, values, settings)
-    centre = 0.0 if known_good is None else float(np.median(known_good.scores(known_good.x)))
-    parts = list(_left_out(windows, settings))
+    parts, centre, usually = list(_left_out(windows, settings)), 0.0, 0.0
+    if known_good is not None:
+        values[FOREST] = known_good.windows(windows, values)
+        known = values[FOREST][np.isfinite(values[FOREST])]
+        centre, usually = np.quantile(known, [0.5, 1.0 - settings.contamination]).tolist()
     most = {}
     for name in LEARNT:
         seen = np.concatenate([np.zeros(0), *(one[name] for one in parts)])
-        most[name] = held(seen, dwell(windows, settings.dwell_s[dwell_name(name)]))
+        n = dwell(windows, settings.dwell_s[dwell_name(name)])
+        most[name] = max(held(seen, n), held(values.get(name, seen), n))
     most = {name: round(one, 6) for name, one in most.items() if np.isfinite(one)}
     monitor = Monitor(
         days=days, bundle=state.bundle, loads=loads, most=most, centre=round(centre, 6),
-        limits={name: _limit(name, one, centre, settings) for name, one in most.items()},
+        limits={name: _limit(name, one, centre, usually, settings) for name, one in most.items()},
         features=() if known_good is None else known_good.names,
         lacking={n: NOT_THERE if days else NO_DAYS for n in LEARNT if n not in most},
     )  # fmt: skip
     return Usual(monitor=monitor, known_good=known_good)
 
 
-def _limit(name: str, most: float, centre: float, settings: IncidentSettings) -> float:
+def _limit(
+    name: str, most: float, centre: float, usually: float, settings: IncidentSettings
+) -> float:
     if name == FOREST:
-        return round(centre + settings.margin * max(most - centre, 0.0), 6)
+        return round(max(usually, centre + settings.margin * max(most - centre, 0.0)), 6)
     return round(max(fixed_limits(settings)[name], settings.margin * most), 6)
 
 

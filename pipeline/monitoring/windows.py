@@ -88,7 +88,7 @@ class Windows:
 def windows_of(
     folder: Path, clean: Path, days: Iterable[str], settings: IncidentSettings
 ) -> Windows:
-    """Windows of ``days`` of the state in a folder, with the channels of vibration that the clean table has."""
+    """Windows of ``days`` of a state, with channels of vibration that the clean table has."""
     parts = []
     for day in days:
         path, more = clean / "state" / f"{day}.parquet", None

@@ -84,13 +84,6 @@ def _span(days: Sequence[str]) -> str:
     return days[0] if len(days) == 1 else f"{min(days)} to {max(days)}, {counted(len(days), 'day')}"
 
 
-def evidence(event: Event) -> str:
-    """Words and values of an event in one line."""
-    words = [f"{name.replace('_', ' ')} {one}" for name, one in event.words.items()]
-    values = [f"{name.replace('_', ' ')} {number(one)}" for name, one in event.values.items()]
-    return "; ".join([*words, *values]) or "–"
-
-
 COLUMNS: tuple[Column[Incident], ...] = (
     Column("Severity", lambda one: Cell(text=one.severity, status=STATUS[one.severity])),
     Column("what", lambda one: one.title),
@@ -109,7 +102,7 @@ EVIDENCE: tuple[Column[tuple[Incident, Event]], ...] = (
     Column("greatest", lambda row: number(row[1].value), ""),
     Column("limit", lambda row: number(row[1].limit), ""),
     Column("unit", lambda row: row[1].unit),
-    Column("beside it", lambda row: evidence(row[1])),
+    Column("beside it", lambda row: row[1].evidence),
 )
 RULES: tuple[Column[tuple[str, RuleState]], ...] = (
     Column("Rule", lambda row: row[0].replace("_", " ")),

@@ -17,7 +17,7 @@ class UsualLoad:
     """Median of the speed [rev/min]."""
     load_percent: float
     spread_percent: float
-    """Median and half of the 5 to 95 % range of the mean load [%]."""
+    """Median and half of the 5 to 95 % range of the load [%]."""
     windows: int
 
 
@@ -59,7 +59,14 @@ class Event:
     """Greatest value, what is allowed, and their unit."""
     values: Mapping[str, float] = field(default_factory=dict)
     words: Mapping[str, str] = field(default_factory=dict)
-    """Evidence at the greatest value: quantities with their units in their names, and words."""
+    """Evidence: quantities while it held, and words at its begin."""
+
+    @property
+    def evidence(self) -> str:
+        """Evidence in one line."""
+        values = {name: f"{one:.4g}" for name, one in self.values.items()}
+        said = (f"{name.replace('_', ' ')} {one}" for name, one in {**self.words, **values}.items())
+        return "; ".join(said) or "–"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,11 +28,11 @@ def monitor(
         known_good = KnownGood.of_table(read_table(usual / KNOWN_GOOD, columns), incidents)
     items = signals / "data_items.parquet"
     rows = pq.read_table(items).to_pylist() if items.exists() else []
-    conditions = {
-        str(one["data_item"]): (component_words(one["component"] or "", one["component_name"] or ""),
-                                str(one["type"]))
-        for one in rows if one["category"] == "CONDITION"
-    }  # fmt: skip
+    conditions = {}
+    for one in rows:
+        if one["category"] == "CONDITION":
+            where = component_words(one["component"] or "", one["component_name"] or "")
+            conditions[str(one["data_item"])] = where, str(one["type"])
     usual_of = Usual(monitor=learnt, known_good=known_good)
     found = monitored(identity, state, twin_state, clean, usual_of, incidents, conditions)
     write_json(found, written)

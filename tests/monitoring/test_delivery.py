@@ -1,4 +1,4 @@
-"""Delivery of incidents to a real server that fails, hangs, answers twice; the text of an e-mail."""
+"""Delivery of incidents to a real server that fails, hangs, answers twice; text of an e-mail."""
 
 import hmac
 import json
@@ -158,5 +158,6 @@ def test_the_e_mail_says_what_where_when_who_and_that_it_is_simulated() -> None:
     assert message["Subject"] == "mill01: 1 to act on, 0 to watch"
     body = message.get_content()
     for words in ("[act] Spindle load over its limit (simulated)", "spindle drive",
-                  "131 %, limit 110", "program O2040", "process engineer", INCIDENT.id):  # fmt: skip
+                  "131 %, limit 110", "program O2040", "process engineer",
+                  INCIDENT.id):  # fmt: skip
         assert words in body
