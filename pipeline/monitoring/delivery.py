@@ -144,7 +144,7 @@ def signature(body: bytes, secret: bytes, at: float) -> str:
     """Signature of a body sent ``at`` [s since 1970].
 
     >>> signature(b"{}", b"key", 1.0)[:12]
-    't=1,v1=60de6'
+    't=1,v1=1ba6b'
     """
     text = f"{at:.0f}.".encode() + body
     return f"t={at:.0f},v1={hmac.new(secret, text, 'sha256').hexdigest()}"

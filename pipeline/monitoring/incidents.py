@@ -40,7 +40,7 @@ EVIDENCE = ("load", "speed", "feed", "temperature", "temperature_estimated", "cu
 
 
 def monitored(
-    identity: MachineIdentity, state: TwinState, folder: Path, clean: Path, usual: Usual,
+    state: TwinState, folder: Path, clean: Path, usual: Usual, *, identity: MachineIdentity,
     settings: IncidentSettings, conditions: Mapping[str, tuple[str, str]],
 ) -> Monitored:  # fmt: skip
     """Incidents of all days of a state, whole weeks at once.

@@ -34,5 +34,8 @@ def monitor(
             where = component_words(one["component"] or "", one["component_name"] or "")
             conditions[str(one["data_item"])] = where, str(one["type"])
     usual_of = Usual(monitor=learnt, known_good=known_good)
-    found = monitored(identity, state, twin_state, clean, usual_of, incidents, conditions)
+    found = monitored(
+        state, twin_state, clean, usual_of, identity=identity, settings=incidents,
+        conditions=conditions,
+    )  # fmt: skip
     write_json(found, written)

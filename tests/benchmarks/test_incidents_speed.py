@@ -53,7 +53,8 @@ def test_a_week_at_10_hz(tmp_path: Path, benchmark: Callable[..., object]) -> No
     mill = MachineIdentity(name="mill")
 
     def week() -> None:
-        found = monitored(mill, state, tmp_path, tmp_path, usual, settings, {})
+        found = monitored(state, tmp_path, tmp_path, usual, identity=mill, settings=settings,
+                          conditions={})  # fmt: skip
         assert found.worked_s == pytest.approx(7 * DAY)
 
     benchmark.pedantic(week, rounds=1)  # type: ignore[attr-defined]

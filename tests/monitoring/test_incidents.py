@@ -70,7 +70,7 @@ def made(
                               known_s={}, unknown=unknown)  # fmt: skip
     state = TwinState(bundle="b", submodels={}, period_s=1 / rate_Hz, days=known)
     usual = usual_of(state, folder, settings)
-    return monitored(MILL, state, folder, folder, usual, settings, {})
+    return monitored(state, folder, folder, usual, identity=MILL, settings=settings, conditions={})
 
 
 def usual_of(state: TwinState, folder: Path, settings: IncidentSettings) -> Usual:
@@ -199,8 +199,10 @@ def test_ten_rows_a_second_give_the_incidents_of_one(tmp_path: Path) -> None:
 
 def test_what_is_not_recorded_is_not_assessed_with_its_reason(tmp_path: Path) -> None:
     state = TwinState(bundle="", submodels={}, period_s=1.0, days={})
-    found = monitored(MILL, state, tmp_path, tmp_path, usual_of(state, tmp_path, SETTINGS),
-                      SETTINGS, {})  # fmt: skip
+    found = monitored(
+        state, tmp_path, tmp_path, usual_of(state, tmp_path, SETTINGS), identity=MILL,
+        settings=SETTINGS, conditions={},
+    )  # fmt: skip
     assert not found.incidents and all(one.not_assessed for one in found.rules.values())
     assert "roles" in found.rules["temperature_outside"].not_assessed
     some = made(tmp_path, {})
