@@ -16,6 +16,7 @@ __all__ = [
     "history",
     "identity",
     "imports",
+    "incident",
     "ledger",
     "limits",
     "model",

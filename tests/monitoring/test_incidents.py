@@ -16,8 +16,8 @@ from pipeline.monitoring.usual import Usual, identify_monitor
 from pipeline.monitoring.windows import windows_of
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.incident import Incident, Monitored
-from pipeline.schema.store import write_table
-from pipeline.schema.twin_state import QUANTITIES, StateDay, TwinState, write_day
+from pipeline.schema.store import write_json, write_table
+from pipeline.schema.twin_state import MANIFEST, QUANTITIES, StateDay, TwinState, write_day
 
 MILL = MachineIdentity(name="mill", origin="simulated")
 SETTINGS = IncidentSettings(trees=20)
@@ -69,6 +69,7 @@ def made(
         known[day] = StateDay(role=roles.get(day, "held_out"), seconds=n / rate_Hz,  # type: ignore[arg-type]
                               known_s={}, unknown=unknown)  # fmt: skip
     state = TwinState(bundle="b", submodels={}, period_s=1 / rate_Hz, days=known)
+    write_json(state, folder / MANIFEST)
     usual = usual_of(state, folder, settings)
     return monitored(state, folder, folder, usual, identity=MILL, settings=settings, conditions={})
 
@@ -144,6 +145,15 @@ def test_a_rule_finds_its_fault_and_nothing_shorter_than_its_dwell(
     assert all(one.start.startswith(MONDAY) for one in found.incidents)
     brief = made(tmp_path / "short", {MONDAY: short}, settings=settings)
     assert brief.rules[rule].events == 0
+
+
+def test_records_that_begin_in_a_run_say_nothing_of_the_temperature_at_first(
+    tmp_path: Path,
+) -> None:
+    hot = put("spindle_temperature_measured", 0, HOUR, 45.0)
+    assert not made(tmp_path / "run", {MONDAY: hot}).incidents
+    off = both(hot, put("execution", 0, 60, "READY"))
+    assert made(tmp_path / "rest", {MONDAY: off}).incidents
 
 
 @pytest.mark.parametrize("mode", ["tool_change", "warm_up", "run-up"])
