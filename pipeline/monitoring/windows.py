@@ -144,9 +144,7 @@ def day_windows(
     values["load_spread"] = np.sqrt(np.maximum(square, 0.0))
     for quantity, name in RESIDUALS.items():
         values[f"{name}_distance"] = mean(_distance(quantity, number))
-    if (
-        len(time) and active[0]
-    ):  # records begin in a run: how warm the spindle is through is unknown
+    if len(time) and active[0]:  # how warm the spindle is inside is not known
         early = place[first] * step < time[0] + settings.start_s * NS
         values["temperature_distance"][early] = np.nan
     for name in ("estimated", "low", "high"):
