@@ -19,15 +19,13 @@ from pipeline.monitoring.rules import (
     rule_values,
 )
 from pipeline.monitoring.usual import FOREST, Usual
-from pipeline.monitoring.windows import Windows, dwell, windows_of
+from pipeline.monitoring.windows import BREAK_S, Windows, dwell, windows_of
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.incident import Event, Incident, Monitor, Monitored, RuleState, Severity, Who
 from pipeline.schema.si import DAY, HOUR, MINUTE, NS
 from pipeline.schema.twin_state import TwinState
 
-BREAK_S = 900.0
-"""Time between two assessed windows that ends a run of them [s]."""
 KEPT = 12
 """Events that an incident keeps: the first, and those of the greatest share of their limit."""
 PROGRAM_TYPES = ("MOTION_PROGRAM", "SYSTEM")

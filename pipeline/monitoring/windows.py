@@ -22,6 +22,8 @@ from pipeline.signals.columns import unit_of
 
 MASKED = ("tool_change", "warm_up")
 """Modes whose load says nothing of a cut."""
+BREAK_S = 900.0
+"""Time without records from which on what came before does not go on [s]."""
 MOST_Z = 20.0
 """Most that one row counts, over half of its interval [1]."""
 RESIDUALS = {"spindle_temperature": "temperature", "no_load_power": "no_load",
@@ -144,9 +146,10 @@ def day_windows(
     values["load_spread"] = np.sqrt(np.maximum(square, 0.0))
     for quantity, name in RESIDUALS.items():
         values[f"{name}_distance"] = mean(_distance(quantity, number))
-    if len(time) and active[0]:  # how warm the spindle is inside is not known
-        early = place[first] * step < time[0] + settings.start_s * NS
-        values["temperature_distance"][early] = np.nan
+    starts = np.flatnonzero(np.diff(time, prepend=-np.inf) > BREAK_S * NS)
+    for begin in time[starts[active[starts]]]:  # how warm the spindle is inside is not known
+        since = place[first] * step - begin
+        values["temperature_distance"][(since > -step) & (since < settings.start_s * NS)] = np.nan
     for name in ("estimated", "low", "high"):
         values[f"temperature_{name}"] = mean(number(f"spindle_temperature_{name}"))
     for name in () if vibration is None else vibration.column_names:
