@@ -23,6 +23,7 @@ from pipeline.report.alarms import alarms_section
 from pipeline.report.condition import condition_section
 from pipeline.report.facts import MachineFacts, ModelledPart, StateLine, Truth, already
 from pipeline.report.folders import PROGRAMS, RECORDS
+from pipeline.report.incidents import INCIDENTS, incidents_of
 from pipeline.report.life import LIFE, life_of
 from pipeline.report.part_programs import part_key_figures, part_programs_section
 from pipeline.report.programs.simulated import programs_section
@@ -175,10 +176,11 @@ class EvidencePage:
 
 
 def evidence_pages(facts: MachineFacts, changed: Section, notes: list[str]) -> list[EvidencePage]:
-    """A page for each sub-model, for programs and the model's life if any, and for the records."""
+    """A page for each sub-model, for programs, incidents and life if any, and for the records."""
     return [
         *(_submodel_page(one) for one in facts.models),
         *_programs_page(facts),
+        *_incidents_page(facts),
         *_life_page(facts),
         _records_page(facts, changed, notes),
     ]
@@ -217,6 +219,15 @@ def _programs_page(facts: MachineFacts) -> list[EvidencePage]:
             pages=[(file, name) for name, file in facts.program_files.items()],
         )
     ]  # fmt: skip
+
+
+def _incidents_page(facts: MachineFacts) -> list[EvidencePage]:
+    found = incidents_of(facts.folders, facts.shelf)
+    if found is None:
+        return []
+    (status, word, sentences), sections = found
+    state = StateLine(status=status, word=word, sentences=sentences)
+    return [EvidencePage(subject=INCIDENTS, title="Incidents", state=state, sections=sections)]
 
 
 def _life_page(facts: MachineFacts) -> list[EvidencePage]:

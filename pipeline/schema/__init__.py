@@ -17,6 +17,7 @@ __all__ = [
     "history",
     "identity",
     "imports",
+    "incident",
     "ledger",
     "limits",
     "model",
