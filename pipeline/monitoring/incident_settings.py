@@ -37,7 +37,7 @@ class IncidentSettings(Ranged, section="incidents"):
     stuck_interval: Annotated[float, Range(above=0.0, most=20.0, unit="1")] = 1.5
     """Time for which a sensor says the same; move of the estimate then, in half intervals."""
     start_s: Seconds = 3600.0
-    """Time after records begin again over which the temperature's estimate does not count."""
+    """Time after records begin in a run over which the estimated temperature does not count."""
     level_s: Seconds = 60.0
     """Time over which loads of a program and tool are compared, by their medians."""
     least_windows: Count = 18
