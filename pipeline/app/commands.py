@@ -446,3 +446,25 @@ def records(
         to.json([asdict(row) for row in rows], json)
         for line in lines(rows):
             to.say(line)
+
+
+@app.command("part-record", rich_help_panel=kerf.RECORDS)
+def part_record(
+    machine: kerf.Machine,
+    out: Annotated[Path, typer.Option(help="Folder of the records, a JSON file a part.")],
+    first: Annotated[str, typer.Option("--from", help="First day of the plant.")] = "",
+    last: Annotated[str, typer.Option("--to", help="Last day, included.")] = "",
+    program: Annotated[str, typer.Option(help="Parts of this program alone.")] = "",
+) -> None:
+    """Write how each finished part of MACHINE's log was made, beside what the twin says of it."""
+    from pipeline.app.part_record import lines, records_of
+
+    with one_sentence(), outputs() as to:
+        found = records_of(machine, first, last, program)
+        out.mkdir(parents=True, exist_ok=True)
+        for one in found:
+            path = out / f"{machine}_{one.start[:10]}_{one.cycle}.json"
+            to.ready(path)
+            to.json(asdict(one), path)
+        for line in lines(found):
+            to.say(line)
