@@ -5,13 +5,16 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from unittest import mock
 
 import pytest
+from mlflow import MlflowClient
 
-from pipeline.champions.promotion import delete, promote, rollback
+from pipeline.champions.promotion import delete, judged, promote, rollback
 from pipeline.champions.serving import history_of, locked, status
+from pipeline.registry.runs import renumber
 from pipeline.registry.store import client_of, model_name, versions
 from pipeline.schema.bundle import bundle_of, read_champions
 from tests.bundled_project import MACHINE, project, quick_stores, registered, spindle
@@ -97,6 +100,29 @@ def test_a_registry_that_counts_otherwise_than_the_history_is_numbered_anew(
     assert now[4].aliases == ("reference",) and Path(now[4].place.removeprefix("file://")).is_dir()
     assert rollback(MACHINE, clone, why="back", to=1, now=NOON).bundle == other[1]
     assert rollback(MACHINE, clone, why="forth", to=2, now=NOON).bundle == bundles(root)[2]
+    # version 2 is the history's, also where the registry had to give it another number
+    assert rollback(MACHINE, clone, why="back", to=1, now=NOON).bundle == other[1]
+    with pytest.raises(ValueError, match="has no version 5; there are 1, 2, 3, 4"):
+        promote(MACHINE, clone, why="forth", to=5, now=NOON)
+    assert judged(MACHINE, clone, to=2).challenger.bundle == bundles(root)[2]
+    with pytest.raises(ValueError, match="version 2 of mill01 served less than"):
+        delete(MACHINE, 2, clone, why="room", now=NOON)
+    delete(MACHINE, 2, clone, why="room", now=NOON + timedelta(days=9))
+    assert history_of(MACHINE, clone)[-1].version == 2 and set(bundles(clone)) == {1, 3, 4}
+
+
+def test_a_number_that_was_given_anew_already_is_not_given_twice(root: Path) -> None:
+    """A run broke off between the new number and the deletion of the old one."""
+    known = {2: bundles(root)[1]}
+    first, second = versions(MACHINE, root)
+    with (
+        mock.patch.object(MlflowClient, "delete_model_version", side_effect=KeyboardInterrupt),
+        pytest.raises(KeyboardInterrupt),
+    ):
+        renumber(second, root, known)
+    assert set(bundles(root)) == {1, 2, 3}
+    assert renumber(second, root, known) == 3
+    assert bundles(root) == {1: first.bundle, 3: second.bundle}
 
 
 def test_two_machines_do_not_lose_each_other_s_line_of_champions_json(root: Path) -> None:
