@@ -80,9 +80,9 @@ def judged(
 
     Raises ValueError when there is no champion, no challenger or no such version.
     """
-    from pipeline.champions.challenge import decide
-
     with changing(machine, root):
+        from pipeline.champions.challenge import decide  # not where the server is down
+
         champion = champion_of(machine, root)
         decision, _ = decide(machine, champion, root, to=to, anyway=anyway, seal=False)
     return decision
@@ -105,11 +105,11 @@ def promote(
     Raises RefusedError when the rules refuse it, and ValueError when there is no reason, no
     challenger or no such version, and when somebody else promoted another meanwhile.
     """
-    from pipeline.champions.challenge import decide
-
     _needs_reason(machine, why)
     by, at = by or person(root), stamp(now or datetime.now(UTC))
     with changing(machine, root):
+        from pipeline.champions.challenge import decide  # not where the server is down
+
         decision, sealed = decide(machine, champion_of(machine, root), root, to=to, anyway=anyway)
         decision = replace(decision, at=at, by=by, why=why)
         text = json_text(decision)
