@@ -93,21 +93,30 @@ class Bundle(mlflow.pyfunc.PythonModel):
         self.folder = Path(context.artifacts["bundle"])
         said = json.loads((self.folder / "bundle.json").read_text(encoding="utf-8"))
         self.machine, self.submodels = str(said["machine"]), tuple(said["submodels"])
+        self.statuses = {name: one["status"] for name, one in said["submodels"].items()}
         self.package = OwnPackage(CODE)
         self.loaded: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {}
 
     def predict(
         self, context: Any, model_input: pd.DataFrame, params: dict[str, Any] | None = None
     ) -> pd.DataFrame:
-        """Predictions of ``params["submodel"]`` from a table of its inputs.
+        """Predictions of ``params["submodel"]``, else of the first that passed, from its inputs.
 
-        Raises ValueError when the bundle has no such sub-model, or the table lacks a column.
+        Raises ValueError when the bundle has no such sub-model, when it did not pass and
+        ``params["anyway"]`` is not true, and when the table lacks a column.
         """
-        name = (params or {}).get("submodel") or self.submodels[0]
+        wanted = params or {}
+        passed = [name for name in self.submodels if self.statuses[name] == "passed"]
+        name = wanted.get("submodel") or (passed or self.submodels)[0]
         if name not in self.submodels:
             raise ValueError(
                 f"the bundle of {self.machine} has no sub-model {name!r}; it has "
                 f"{', '.join(self.submodels)}"
+            )
+        if name not in passed and not wanted.get("anyway"):
+            raise ValueError(
+                f"the {name} of {self.machine} does not serve, {self.statuses[name]}: ask with the "
+                "parameter anyway, which is then true"
             )
         with self.package.active():
             if name not in self.loaded:

@@ -263,7 +263,9 @@ def test_a_version_has_signature_example_units_and_pinned_requirements(made: Pat
     assert model.metadata["units"]["spindle"] == {
         "spindle_speed": "rev/min", "spindle_load": "%", TARGET: "degC"
     }  # fmt: skip
-    assert [p.name for p in model.signature.params] == ["submodel"]
+    assert [(p.name, p.default) for p in model.signature.params] == [
+        ("submodel", "spindle"), ("anyway", False)
+    ]  # fmt: skip
     path = list(sys.path)
     served = mlflow.pyfunc.load_model(str(place))
     sys.path = path
@@ -374,16 +376,21 @@ def test_one_bundle_serves_each_of_its_sub_models(made: Path, tmp_path: Path) ->
     from pipeline.serving import Bundle as Served
 
     shutil.copytree(made / CHAMPION / "spindle", tmp_path / "spindle")
-    submodels = {"control": {}, "spindle": {}}
+    submodels = {name: {"status": status} for name, status in (
+        ("control", "failed"), ("cutting", "passed"), ("spindle", "passed"))}  # fmt: skip
     (tmp_path / "bundle.json").write_text(json.dumps({"machine": "m", "submodels": submodels}))
     served = Served()
     served.load_context(SimpleNamespace(artifacts={"bundle": str(tmp_path)}))
     table = hour(made)
     found = served.predict(None, table, {"submodel": "spindle"})
     pd.testing.assert_frame_equal(found, direct(tmp_path, table))
+    with pytest.raises(ValueError, match=r"cutting.model\.json does not exist"):
+        served.predict(None, table)  # the first that passed where none is named
+    with pytest.raises(ValueError, match="the control of m does not serve, failed: ask with"):
+        served.predict(None, table, {"submodel": "control", "anyway": False})
     with pytest.raises(ValueError, match=r"control.model\.json does not exist"):
-        served.predict(None, table)  # the first where none is named
-    with pytest.raises(ValueError, match="no sub-model 'drive'; it has control, spindle"):
+        served.predict(None, table, {"submodel": "control", "anyway": True})
+    with pytest.raises(ValueError, match="no sub-model 'drive'; it has control, cutting, spindle"):
         served.predict(None, table, {"submodel": "drive"})
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from pipeline.app.kerf import CALLED
 from pipeline.charts.sources import Source
 from pipeline.report.provenance import Made
-from pipeline.schema.bundle import BUNDLE, MODEL, Bundle, predicting_files, read_champions
+from pipeline.schema.bundle import BUNDLE, MODEL, Bundle, predicting_files
 from pipeline.schema.store import StoreError, read_json
 
 PACKAGE = Path(__file__).parents[1]
@@ -20,12 +20,13 @@ def made_by_command(
     machine: str, models: Path, settings: Mapping[str, Any], read: Iterable[Path]
 ) -> Made:
     """Origin of a page of ``machine``, of its sub-models in ``models`` and the files ``read``."""
-    from pipeline.registry.provenance import CHAMPIONS, dirty, git
+    from pipeline.champions.serving import chosen_champion
+    from pipeline.registry.provenance import dirty, git
 
     checkout = (PACKAGE.parent / "dvc.yaml").is_file()  # else some repository around the library
     commit = git("rev-parse", "HEAD", root=PACKAGE) if checkout else None
     bundle, number = _bundle(models), ""
-    entry = read_champions(CHAMPIONS).machines.get(machine)
+    entry = chosen_champion(machine)
     if entry is not None and bundle == entry.bundle:
         number = f"version {entry.version}"
     parts = [path.parent for path in sorted(models.glob(f"*/{MODEL}"))]

@@ -21,7 +21,7 @@ from pipeline.app.programs import (
 )
 from pipeline.machine.control.planner import Plan
 from pipeline.parameters import structure
-from pipeline.schema.bundle import BUNDLE, Bundle, bundle_words, read_champions
+from pipeline.schema.bundle import BUNDLE, Bundle, bundle_words
 from pipeline.schema.files import together
 from pipeline.schema.program_cut import ProgramCut
 from pipeline.schema.store import read_json, unstructured, write_json
@@ -333,8 +333,10 @@ def _corrected(
 
 
 def _champion(models: Path, machine: str) -> str:
-    """The bundle in ``models``, and the version that champions.json says it is."""
-    entry = read_champions(Path("champions.json")).machines.get(machine)
+    """The bundle in ``models``, and the version as which it serves."""
+    from pipeline.champions.serving import chosen_champion
+
+    entry = chosen_champion(machine)
     stored = models / BUNDLE
     if entry is None or not stored.exists() or read_json(stored, Bundle).sha256 != entry.bundle:
         return bundle_words(models)

@@ -11,16 +11,18 @@ from pipeline.champions.serving import (
     fill_champion,
     made_with,
     names_of,
+    numbered,
     numbers_of,
     params_of,
     promotion_settings,
     serving_of,
+    version_numbers,
 )
 from pipeline.fleet import Fleet
 from pipeline.parameters import structure
 from pipeline.registry.loading import checked_place
 from pipeline.registry.runs import register
-from pipeline.registry.store import name_versions, versions
+from pipeline.registry.store import name_versions
 from pipeline.schema.bundle import BUNDLE, VERDICT, Bundle, Champion, bundle_of
 from pipeline.schema.decision import Decision, Rule, Side
 from pipeline.schema.golden import GoldenSets, read_golden
@@ -62,13 +64,13 @@ def decide(
     if now.bundle == challenger.sha256:
         return _accepted(machine, now, challenger, to, anyway=anyway), ""
     champion = fill_champion(machine, now.bundle, names, root)
-    number = next((v.version for v in versions(machine, root) if v.bundle == challenger.sha256), 0)
     if seal:
         made = partial(made_with, machine, names, root)
         known = numbers_of(machine, root)
-        number = register(challenger, folder, root, made_with=made, numbers=known).version
+        register(challenger, folder, root, made_with=made, numbers=known)
         if to is None:
             name_versions(machine, root, challenger=challenger.sha256)
+    number = version_numbers(machine, root).get(challenger.sha256, 0)
     before = {name: one.sha256 for name, one in champion.submodels.items()}
     changed = [name for name, one in challenger.submodels.items()
                if before.get(name, one.sha256) != one.sha256]  # fmt: skip
@@ -123,12 +125,7 @@ def _challenger(
     if to is None:
         models = root / DATA / "models" / machine
         return models, bundle_of(models, machine, names)
-    known = versions(machine, root)
-    found = [v for v in known if v.version == to]
-    if not found:
-        there = ", ".join(str(v.version) for v in known) or "none"
-        raise ValueError(f"{machine} has no version {to}; there are {there}")
-    folder = checked_place(found[0], root) / "artifacts" / "bundle"
+    folder = checked_place(numbered(machine, to, root), root) / "artifacts" / "bundle"
     return folder, read_json(folder / BUNDLE, Bundle)
 
 

@@ -24,8 +24,10 @@ from pipeline.champions.serving import (
     locked,
     names_of,
     newest_bundle,
+    numbered,
     promotion_settings,
     refilled,
+    version_numbers,
 )
 from pipeline.registry.history import claim, log_decision, server_history
 from pipeline.registry.loading import delete_version
@@ -78,9 +80,9 @@ def judged(
 
     Raises ValueError when there is no champion, no challenger or no such version.
     """
-    from pipeline.champions.challenge import decide
-
     with changing(machine, root):
+        from pipeline.champions.challenge import decide  # not where the server is down
+
         champion = champion_of(machine, root)
         decision, _ = decide(machine, champion, root, to=to, anyway=anyway, seal=False)
     return decision
@@ -103,11 +105,11 @@ def promote(
     Raises RefusedError when the rules refuse it, and ValueError when there is no reason, no
     challenger or no such version, and when somebody else promoted another meanwhile.
     """
-    from pipeline.champions.challenge import decide
-
     _needs_reason(machine, why)
     by, at = by or person(root), stamp(now or datetime.now(UTC))
     with changing(machine, root):
+        from pipeline.champions.challenge import decide  # not where the server is down
+
         decision, sealed = decide(machine, champion_of(machine, root), root, to=to, anyway=anyway)
         decision = replace(decision, at=at, by=by, why=why)
         text = json_text(decision)
@@ -165,14 +167,14 @@ def rollback(
         champion, history = champion_of(machine, root), history_of(machine, root)
         if champion is None or not served(history):
             raise ValueError(f"{machine} has nothing to go back to: nothing was promoted yet")
-        numbers = {v.bundle: v.version for v in versions(machine, root)}
-        gone = {e.bundle for e in history if e.event == "deleted"} - {*numbers}
+        numbers = version_numbers(machine, root)
+        stored = {v.bundle for v in versions(machine, root)}
+        gone = {e.bundle for e in history if e.event == "deleted"} - stored
         others = {e.bundle: e for e in served(history) if e.bundle not in (champion.bundle, *gone)}
         before = standing(history)[:-1] if to is None else others.values()
-        back = [e for e in before if e.bundle in others
-                and to in (None, e.version, numbers.get(e.bundle))]  # fmt: skip
+        back = [e for e in before if e.bundle in others and to in (None, numbers.get(e.bundle))]
         if not back:
-            there = ", ".join(str(e.version) for e in others.values())
+            there = ", ".join(str(numbers.get(bundle, "-")) for bundle in others)
             which = f"no version served {machine} before version {champion.version}"
             if to is not None:
                 which = f"version {to} of {machine} never served beside the present one"
@@ -212,18 +214,16 @@ def delete(
     _needs_reason(machine, why)
     by, moment = by or person(root), stamp(now or datetime.now(UTC))
     with changing(machine, root):
-        found = [v for v in versions(machine, root) if v.version == version]
-        if not found:
-            raise ValueError(f"{machine} has no version {version}")
-        reason = retained(found[0], root, moment)
+        found = numbered(machine, version, root)
+        reason = retained(found, root, moment)
         if reason:
             raise ValueError(f"version {version} of {machine} {reason}: it cannot be deleted")
-        _added(machine, root, event="deleted", version=version, bundle=found[0].bundle,
-               at=moment, by=by, why=why)  # fmt: skip
+        _added(machine, root, event="deleted", version=version, bundle=found.bundle, at=moment,
+               by=by, why=why)  # fmt: skip
         warm = root / DATA / "warm" / machine
         there = stored_bundle(warm, machine)
-        freed = remove_folder(warm) if there and there.sha256 == found[0].bundle else 0
-        return freed + delete_version(found[0], root)
+        freed = remove_folder(warm) if there and there.sha256 == found.bundle else 0
+        return freed + delete_version(found, root)
 
 
 def retained(version: Version, root: Path, moment: str) -> str:

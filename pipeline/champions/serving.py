@@ -53,13 +53,21 @@ def history_path(machine: str, root: Path = Path()) -> Path:
 
 
 def champion_of(machine: str, root: Path = Path()) -> Champion | None:
-    """Champion: what the history says, else champions.json, else the first in ``data/champion``."""
+    """Champion: the one that was chosen, else the first in ``data/champion``."""
+    chosen = chosen_champion(machine, root)
+    held = stored_bundle(root / DATA / "champion" / machine, machine)
+    return chosen if chosen is not None or held is None else first_champion(held, root)
+
+
+def chosen_champion(machine: str, root: Path = Path()) -> Champion | None:
+    """Champion by the history, else by champions.json; None where nobody has chosen one.
+
+    Raises StoreError as :func:`history_of` does.
+    """
     serving = served(history_of(machine, root))
     if serving:
         return champion_in(serving[-1])
-    chosen = read_champions(root / CHAMPIONS).machines.get(machine)
-    held = stored_bundle(root / DATA / "champion" / machine, machine)
-    return chosen if chosen is not None or held is None else first_champion(held, root)
+    return read_champions(root / CHAMPIONS).machines.get(machine)
 
 
 def first_champion(bundle: Bundle, root: Path = Path()) -> Champion:
@@ -91,6 +99,25 @@ def numbers_of(machine: str, root: Path = Path()) -> dict[int, str]:
              for e in (*server_history(machine, root), *history_of(machine, root))]  # fmt: skip
     named += [(chosen.version, chosen.bundle)] if chosen else []
     return {number: bundle for number, bundle in reversed(named) if number}
+
+
+def version_numbers(machine: str, root: Path = Path()) -> dict[str, int]:
+    """Number of each bundle by its hash: the history's, else the registry's."""
+    stored = {v.bundle: v.version for v in reversed(versions(machine, root))}
+    return stored | {bundle: number for number, bundle in numbers_of(machine, root).items()}
+
+
+def numbered(machine: str, number: int, root: Path) -> Version:
+    """Registered version of a number, see :func:`version_numbers`.
+
+    Raises ValueError when there is none.
+    """
+    numbers = version_numbers(machine, root)
+    known = {numbers[v.bundle]: v for v in versions(machine, root)}
+    if number not in known:
+        there = ", ".join(map(str, sorted(known))) or "none"
+        raise ValueError(f"{machine} has no version {number}; there are {there}")
+    return known[number]
 
 
 def keep_serving(machine: str, names: Sequence[str], root: Path = Path()) -> Champion:
@@ -280,8 +307,7 @@ def status(machine: str, names: Sequence[str], root: Path = Path()) -> list[dict
         return [{"machine": machine, **dict.fromkeys(keys, "-"), "latest": NO_SUBMODEL}]
     away, models = bool(offline()), root / DATA / "models" / machine
     champion = champion_of(machine, root) if away else refilled(machine, names, root)
-    known = [] if away else versions(machine, root)
-    numbers = {v.bundle: v.version for v in reversed(known)}
+    numbers = {} if away else version_numbers(machine, root)
     serves = stored_bundle(root / DATA / "champion" / machine, machine)
     newest = newest_bundle(machine, names, root)
     serving = challenger = "-"

@@ -42,8 +42,9 @@ def server_history(machine: str, root: Path) -> tuple[Entry, ...]:
     """
     if not is_shared():
         return ()
+    client = client_of(root)
     with reached("read", "do this again when it answers"):
-        found = client_of(root).search_model_versions(f"name='{history_name(machine)}'")
+        found = client.search_model_versions(f"name='{history_name(machine)}'")
     lines = [v.tags.get(ENTRY, "") for v in sorted(found, key=lambda v: int(v.version))]
     return whole(
         parsed(line.encode(), Entry, f"the history of {machine} on the server")

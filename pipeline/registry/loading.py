@@ -37,12 +37,15 @@ class Predictor:
         self.submodels: tuple[str, ...] = model.submodels
         self._model = model
 
-    def __call__(self, table: "pd.DataFrame", submodel: str = "") -> "pd.DataFrame":
-        """Prediction of one sub-model, of the first where none is named.
+    def __call__(
+        self, table: "pd.DataFrame", submodel: str = "", *, anyway: bool = False
+    ) -> "pd.DataFrame":
+        """Prediction of one sub-model, of the first that passed where none is named.
 
-        Raises ValueError when the bundle has no such sub-model, or the table lacks what it needs.
+        Raises ValueError when the bundle has no such sub-model, when it did not pass (``anyway``
+        asks it all the same), and when the table lacks what it needs.
         """
-        return self._model.predict(None, table, {"submodel": submodel})
+        return self._model.predict(None, table, {"submodel": submodel, "anyway": anyway})
 
 
 def load(machine: str, alias: str = "champion", root: Path = Path()) -> Predictor:

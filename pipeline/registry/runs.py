@@ -85,14 +85,18 @@ def register(
 def renumber(version: Version, root: Path, numbers: Mapping[int, str]) -> int:
     """New number of a version whose number is that of another bundle; see :func:`_numbered`.
 
+    One that a run which broke off has given it already stays.
     Raises ValueError when the registry cannot be read or written.
     """
     client, name, old = client_of(root), model_name(version.machine), str(version.version)
+    given = [v.version for v in versions(version.machine, root)
+             if v.bundle == version.bundle == numbers.get(v.version, v.bundle)]  # fmt: skip
     with reached("written"):
         stored = client.get_model_version(name, old)
-        number = _numbered(client, name, numbers, version.tags, source=stored.source,
-                           run=version.run, description=version.description,
-                           model_id=logged_model(stored))  # fmt: skip
+        number = given[0] if given else _numbered(
+            client, name, numbers, version.tags, source=stored.source, run=version.run,
+            description=version.description, model_id=logged_model(stored),
+        )  # fmt: skip
         for alias in version.aliases:
             client.set_registered_model_alias(name, alias, str(number))
         client.delete_model_version(name, old)
@@ -176,7 +180,7 @@ def _log_pyfunc(
 
     client, package = client_of(root), Path(__file__).parents[1]
     logged = client.create_logged_model(run.experiment_id, name="bundle", source_run_id=run.run_id)
-    first = next(iter(bundle.submodels))
+    first = bundle.first
     with tempfile.TemporaryDirectory() as scratch:
         copy_bundle(folder, bundle, Path(scratch) / "bundle")
         code = Path(scratch) / package.name
@@ -280,8 +284,8 @@ def _described(bundle: Bundle, folder: Path) -> tuple[Any, dict[str, dict[str, s
         Schema([ColSpec(kind, name, required=False) for name, kind in columns.items()])
         for columns in (taken, given)
     )
-    default = next(iter(bundle.submodels))
-    parameters = ParamSchema([ParamSpec("submodel", "string", default=default)])
+    parameters = ParamSchema([ParamSpec("submodel", "string", default=bundle.first),
+                              ParamSpec("anyway", "boolean", default=False)])  # fmt: skip
     return ModelSignature(inputs=inputs, outputs=outputs, params=parameters), units
 
 

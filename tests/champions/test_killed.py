@@ -1,4 +1,4 @@
-"""Promote, rollback, register, nightly, killed at any moment: one champion, a whole history."""
+"""Promote, rollback, register, fill anew, nightly, killed at any moment: one champion."""
 
 import os
 import shutil
@@ -44,7 +44,20 @@ def before(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Path]
         spindle(serving)
         registered(serving)
         yield {"promote": challenged, "register": fresh, "rollback": promoted,
-               "nightly": serving}  # fmt: skip
+               "fill": other_registry(folder / "fill", promoted), "nightly": serving}  # fmt: skip
+
+
+def other_registry(root: Path, promoted: Path) -> Path:
+    """A clone of a project whose registry has another bundle as version 1, and no more."""
+    project(root, sealed=True)
+    spindle(root, error_K=1.5)
+    registered(root)
+    for name in ("champions.json", "data/history", CHAMPION, f"data/models/{MACHINE}"):
+        if (root / name).is_dir():
+            shutil.rmtree(root / name)
+        copy = shutil.copytree if (promoted / name).is_dir() else shutil.copy
+        copy(promoted / name, root / name)
+    return root
 
 
 def scored(root: Path) -> None:
@@ -60,6 +73,7 @@ OPERATIONS: dict[str, Callable[[Path], object]] = {
     "promote": lambda root: promote(MACHINE, root, why="better", by="Kim"),
     "rollback": lambda root: rollback(MACHINE, root, why="worse", by="Lee"),
     "register": registered,
+    "fill": registered,
     "nightly": scored,
 }
 
@@ -83,8 +97,9 @@ def killed_after(root: Path, operation: Callable[[Path], object], seconds: float
 
 @pytest.mark.proof
 @pytest.mark.parametrize(
-    ("name", "times"), [("promote", 70), ("rollback", 50), ("register", 50), ("nightly", 50)]
-)  # fmt: skip
+    ("name", "times"),
+    [("promote", 60), ("rollback", 40), ("register", 30), ("fill", 40), ("nightly", 30)],
+)
 def test_there_is_one_champion_and_a_whole_history(
     before: dict[str, Path], tmp_path: Path, name: str, times: int
 ) -> None:
@@ -112,6 +127,13 @@ def test_there_is_one_champion_and_a_whole_history(
         (version,) = [v for v in versions(MACHINE, root) if "champion" in v.aliases]
         served = stored_bundle(root / CHAMPION, MACHINE)
         assert served is not None and version.bundle == now.bundle == served.sha256
+        numbers = {v.bundle: v.version for v in versions(MACHINE, root)}
+        assert len(numbers) == len(versions(MACHINE, root)), f"{name} {number}"  # none twice
+        if name == "fill":
+            registered(root)
+            assert len(versions(MACHINE, root)) == len(versions(MACHINE, taken)) == 2
+            own = {e.version: e.bundle for e in entries}
+            assert all(own.get(n, bundle) == bundle for bundle, n in numbers.items())
         if entries:
             assert read_champions(root / "champions.json").machines[MACHINE].bundle == now.bundle
         if name == "nightly":

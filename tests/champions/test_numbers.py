@@ -5,16 +5,23 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from threading import Thread
+from unittest import mock
 
+import pandas as pd
 import pytest
+from mlflow import MlflowClient
 
-from pipeline.champions.promotion import delete, promote, rollback
-from pipeline.champions.serving import history_of, locked, status
+from pipeline.champions.promotion import delete, judged, promote, rollback
+from pipeline.champions.serving import history_of, keep_serving, locked, status
+from pipeline.registry.runs import renumber
 from pipeline.registry.store import client_of, model_name, versions
 from pipeline.schema.bundle import bundle_of, read_champions
 from tests.bundled_project import MACHINE, project, quick_stores, registered, spindle
+from tests.small_project import ROOT
+from tests.test_cli import kerf, rows_of
 
 NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
 
@@ -97,6 +104,29 @@ def test_a_registry_that_counts_otherwise_than_the_history_is_numbered_anew(
     assert now[4].aliases == ("reference",) and Path(now[4].place.removeprefix("file://")).is_dir()
     assert rollback(MACHINE, clone, why="back", to=1, now=NOON).bundle == other[1]
     assert rollback(MACHINE, clone, why="forth", to=2, now=NOON).bundle == bundles(root)[2]
+    # version 2 is the history's, also where the registry had to give it another number
+    assert rollback(MACHINE, clone, why="back", to=1, now=NOON).bundle == other[1]
+    with pytest.raises(ValueError, match="has no version 5; there are 1, 2, 3, 4"):
+        promote(MACHINE, clone, why="forth", to=5, now=NOON)
+    assert judged(MACHINE, clone, to=2).challenger.bundle == bundles(root)[2]
+    with pytest.raises(ValueError, match="version 2 of mill01 served less than"):
+        delete(MACHINE, 2, clone, why="room", now=NOON)
+    delete(MACHINE, 2, clone, why="room", now=NOON + timedelta(days=9))
+    assert history_of(MACHINE, clone)[-1].version == 2 and set(bundles(clone)) == {1, 3, 4}
+
+
+def test_a_number_that_was_given_anew_already_is_not_given_twice(root: Path) -> None:
+    """A run broke off between the new number and the deletion of the old one."""
+    known = {2: bundles(root)[1]}
+    first, second = versions(MACHINE, root)
+    with (
+        mock.patch.object(MlflowClient, "delete_model_version", side_effect=KeyboardInterrupt),
+        pytest.raises(KeyboardInterrupt),
+    ):
+        renumber(second, root, known)
+    assert set(bundles(root)) == {1, 2, 3}
+    assert renumber(second, root, known) == 3
+    assert bundles(root) == {1: first.bundle, 3: second.bundle}
 
 
 def test_two_machines_do_not_lose_each_other_s_line_of_champions_json(root: Path) -> None:
@@ -116,3 +146,33 @@ def test_two_machines_do_not_lose_each_other_s_line_of_champions_json(root: Path
         chosen.write_text(said.replace(f'"{MACHINE}"', '"mill02"'))
     assert other.returncode == 0
     assert set(read_champions(chosen).machines) == {"mill02", MACHINE}
+
+
+def test_the_stage_waits_for_whoever_holds_its_machine(root: Path) -> None:
+    stage = Thread(target=keep_serving, args=(MACHINE, ("spindle",), root))
+    with locked(MACHINE, root):
+        stage.start()
+        stage.join(1.5)
+        assert stage.is_alive()
+    stage.join(60)
+    assert not stage.is_alive()
+
+
+def test_the_command_says_what_served_on_a_day_of_the_plant(root: Path) -> None:
+    """A day of New York ends at 05:00 UTC of the next."""
+    (root / "conf").mkdir()
+    (root / "conf/machine").symlink_to(ROOT / "conf/machine")
+    day = min((root / f"data/clean/{MACHINE}/state").glob("*.parquet"))
+    state = pd.read_parquet(day)
+    state.assign(time=state["time"].dt.tz_convert("America/New_York")).to_parquet(day)
+    back = datetime(2026, 3, 4, 4, tzinfo=UTC)  # 23:00 of the day before
+    rollback(MACHINE, root, why="back", by="Lee", now=back, force=True)
+
+    def on(at: str) -> list[tuple[str, str]]:
+        rows = rows_of(kerf(root, "history", "-m", MACHINE, "--at", at))
+        return [(row["version"], row["by"]) for row in rows]
+
+    assert on("2026-03-01") == on("2026-03-02") == [("2", "Kim")]
+    assert on("2026-03-03") == [("2", "Kim"), ("1", "Lee")]
+    assert on("2026-03-04") == [("1", "Lee")]
+    assert on("2026-03-04T03:59Z") == [("2", "Kim")] and on("2026-03-04T04:00Z") == [("1", "Lee")]

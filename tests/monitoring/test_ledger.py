@@ -150,7 +150,12 @@ def test_a_quiet_machine_ends_with_0_and_one_without_nights_says_so(
     kept = {n: e for n, e in files.items() if e["last"][:10] == TRAINING}
     manifest.write_text(json.dumps({"files": kept}))
     status, said = nightly(bare)
-    assert status == 0 and "no night to score" in said and ledger(bare).read_bytes() == b""
+    assert status == 0 and ledger(bare).read_bytes() == b""
+    assert f"no night to score: {MACHINE} has no day after its champion's training" in said
+    shutil.rmtree(bare / f"data/champion/{MACHINE}")
+    status, said = nightly(bare)
+    assert status == 0
+    assert f"no night to score: nothing serves {MACHINE}: `dvc repro champion@{MACHINE}`" in said
 
 
 def test_a_ledger_only_grows_and_a_broken_line_is_named(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from report_folders import FLEET, machine
 
 from pipeline.report.folders import MachineFolders
 from pipeline.report.pages import write_report
-from pipeline.schema.bundle import Served, bundle_of, copy_bundle
+from pipeline.schema.bundle import Champions, Served, bundle_of, copy_bundle, write_champions
 from pipeline.schema.decision import Compared, Decision, Rule, Side
 from pipeline.schema.history import Entry, document_of, write_history
 from pipeline.schema.store import json_text, write_json, write_text
@@ -38,7 +38,7 @@ ANYWAY = replace(REFUSED, at="2026-03-01T13:00:00Z", why="no other", anyway=True
 @pytest.fixture
 def folders(tmp_path: Path) -> MachineFolders:
     """A machine whose spindle serves, with the history of its choices."""
-    one = replace(machine(tmp_path, "m"), history=tmp_path / "history/m.jsonl")
+    one = replace(machine(tmp_path, "m"), history=tmp_path / "data/history/m.jsonl")
     write_json(Served(inputs={}, outputs={}), one.models / "spindle/served.json")
     assert one.champion is not None and one.history is not None
     copy_bundle(one.models, bundle_of(one.models, "m", ["spindle"]), one.champion)
@@ -95,3 +95,14 @@ def test_a_decision_that_was_changed_is_named_and_the_report_goes_on(
     said = every_word(written(folders, tmp_path / "out"))
     assert "The history of what serves cannot be read" in said
     assert "0003.json is not the decision that" in said and "git checkout" in said
+
+
+def test_a_history_that_is_gone_is_named(folders: MachineFolders, tmp_path: Path) -> None:
+    """champions.json, beside ``data``, names its last entry."""
+    assert folders.history is not None
+    champions = Champions(histories={"m": "7" * 64})
+    write_champions(champions, folders.history.parents[2] / "champions.json")
+    folders.history.unlink()
+    said = every_word(written(folders, tmp_path / "out"))
+    assert "The history of what serves cannot be read" in said
+    assert "lacks the entry 777777777777, the last one by champions.json" in said
