@@ -180,7 +180,7 @@ def _log_pyfunc(
 
     client, package = client_of(root), Path(__file__).parents[1]
     logged = client.create_logged_model(run.experiment_id, name="bundle", source_run_id=run.run_id)
-    first = bundle.first
+    first = _first(bundle)
     with tempfile.TemporaryDirectory() as scratch:
         copy_bundle(folder, bundle, Path(scratch) / "bundle")
         code = Path(scratch) / package.name
@@ -264,6 +264,12 @@ def _log_curves(bundle: Bundle, folder: Path, root: Path) -> None:
             client_of(root).log_batch(run.info.run_id, metrics=found[first : first + METRICS])
 
 
+def _first(bundle: Bundle) -> str:
+    """Sub-model that answers where none is named: the first that passed, else the first."""
+    passed = (name for name, one in bundle.submodels.items() if one.status == "passed")
+    return next(passed, next(iter(bundle.submodels)))
+
+
 def _described(bundle: Bundle, folder: Path) -> tuple[Any, dict[str, dict[str, str]]]:
     """Signature of a bundle's pyfunc, all columns optional, and their units by sub-model."""
     from mlflow.models import ModelSignature
@@ -284,7 +290,7 @@ def _described(bundle: Bundle, folder: Path) -> tuple[Any, dict[str, dict[str, s
         Schema([ColSpec(kind, name, required=False) for name, kind in columns.items()])
         for columns in (taken, given)
     )
-    parameters = ParamSchema([ParamSpec("submodel", "string", default=bundle.first),
+    parameters = ParamSchema([ParamSpec("submodel", "string", default=_first(bundle)),
                               ParamSpec("anyway", "boolean", default=False)])  # fmt: skip
     return ModelSignature(inputs=inputs, outputs=outputs, params=parameters), units
 

@@ -75,12 +75,6 @@ class Bundle:
             return "passed"
         return "not decided" if statuses == {"passed", "not decided"} else "not judged"
 
-    @property
-    def first(self) -> str:
-        """Sub-model that answers where none is named: the first that passed, else the first."""
-        passed = (name for name, one in self.submodels.items() if one.status == "passed")
-        return next(passed, next(iter(self.submodels)))
-
     def named(self, *statuses: Status) -> str:
         """Sub-models with one of some statuses: ``"drive failed, cutting not judged"``."""
         return ", ".join(
