@@ -22,8 +22,9 @@ MACHINE = "mill01"
 MONDAY, WEDNESDAY, THURSDAY = "2026-01-05", "2026-01-07", "2026-01-08"
 SUBMODELS = ("spindle", "control", "drive", "cutting")
 PATHS = ("data/raw", "data/signals", "data/clean", "data/truth", "data/golden", "data/models",
-         "data/champion", "data/history", "data/ledger", "data/twin_state", "data/programs",
-         "data/parts", "data/trials", "data/metrics")  # fmt: skip
+         "data/champion", "data/history", "data/ledger", "data/twin_state", "data/condition",
+         "data/incidents", "data/programs", "data/parts", "data/trials",
+         "data/metrics")  # fmt: skip
 
 
 @contextmanager

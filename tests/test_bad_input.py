@@ -20,6 +20,7 @@ import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
+import pipeline.app.incident_commands
 import pipeline.app.life_commands
 import pipeline.app.program_commands  # noqa: F401, its commands
 from pipeline.app.commands import app

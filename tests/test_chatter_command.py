@@ -78,6 +78,23 @@ def test_gaps_and_zeros_of_the_speed_leave_the_verdict(tmp_path: Path) -> None:
     assert found["speed_rpm"] == pytest.approx(SPEED_RPM, rel=0.001)
 
 
+@pytest.mark.parametrize(
+    "begins", [0.5, np.linspace(1, SPEED_RPM, 20480)], ids=["creeps", "runs up"]
+)
+def test_a_spindle_that_creeps_or_runs_up_leaves_the_verdict(begins: Any, tmp_path: Path) -> None:
+    cut = recorded(tmp_path / "cut.csv", "time", 1.0, 743.0)
+    signal = np.r_[np.zeros(20480), np.loadtxt(cut, delimiter=",", skiprows=1)[:, 1]]
+    speed = np.full(len(signal), SPEED_RPM, float)
+    speed[:20480], speed[30000] = begins, 1e9  # and one value that is none
+    np.savetxt(cut, np.column_stack([np.arange(len(signal)) / RATE, signal, speed]),
+               delimiter=",", header="time,acc,rpm", comments="", fmt="%.9g")  # fmt: skip
+    found, text = judged(cut, "--speed", "rpm")
+    assert found["verdict"] == "chatter"
+    assert found["begins_s"] == pytest.approx(4.0, abs=0.1)
+    assert found["speed_rpm"] == pytest.approx(SPEED_RPM, rel=0.004)
+    assert "of 7.0 s" in text and "the only stretch without a gap or another speed" in text
+
+
 def test_a_speed_that_is_never_above_0_is_said_in_a_sentence(tmp_path: Path) -> None:
     file = recorded(tmp_path / "cut.csv", "time", 1.0, 743.0)
     head, *rows = file.read_text().splitlines()

@@ -23,6 +23,7 @@ from click.testing import Result
 from numba import njit
 from typer.testing import CliRunner
 
+import pipeline.app.incident_commands
 import pipeline.app.kerf as kerf_options
 import pipeline.app.life_commands
 import pipeline.app.program_commands  # noqa: F401, its commands

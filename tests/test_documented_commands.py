@@ -10,6 +10,7 @@ import pytest
 from typer.main import get_command
 
 import pipeline.app.commands
+import pipeline.app.incident_commands
 import pipeline.app.life_commands
 import pipeline.app.program_commands  # noqa: F401, its commands
 from pipeline.app.commands import app
@@ -34,7 +35,7 @@ ELSEWHERE = {
     "records": RECORDS, "report": "draws what the pipeline built",
     "simulate --corrected": MODELS, "synthesise": MODELS, "transfer": MODELS,
     "verify": "reads pages that the pipeline built", "wear": MODELS,
-    "nightly": MODELS, "chatter": RECORDS,
+    "nightly": MODELS, "chatter": RECORDS, "incidents": MODELS, "deliver": MODELS,
 }  # fmt: skip
 """Why the others do not run here."""
 

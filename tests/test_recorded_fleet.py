@@ -33,7 +33,8 @@ def build(project: Path) -> None:
         run("judge_spindle@mazak01", *reads, "data/golden", "data/metrics/mazak01_spindle.json",
             "data/plots/mazak01_spindle")  # fmt: skip
         places = ("signals", "clean", "models", "champion", "golden", "truth", "programs", "parts",
-                  "trials", "history", "ledger", "twin_state", "settings/sections")  # fmt: skip
+                  "trials", "history", "ledger", "twin_state", "condition", "incidents",
+                  "settings/sections")  # fmt: skip
         run("report", *(f"data/{p}" for p in places),
             "reports", "data/metrics/report.json")  # fmt: skip
 

@@ -18,7 +18,11 @@ from pipeline.app.machine_signals import IN_BRACKETS, SHORT, TIME, read_columns
 from pipeline.app.output import rounded
 from pipeline.app.tables import section
 from pipeline.cutting.economics.spindle_power import SpindleDrive
-from pipeline.cutting.stability.recorded_chatter import RecordedChatter, recorded_chatter
+from pipeline.cutting.stability.recorded_chatter import (
+    MOST_CHANGE,
+    RecordedChatter,
+    recorded_chatter,
+)
 from pipeline.schema.arrays import Floats
 from pipeline.schema.si import MINUTE
 from pipeline.signals.formats import UnreadableFile, format_of
@@ -45,7 +49,8 @@ class JudgedFile:
     """Length of that stretch [s]."""
     file_seconds: float
     stretches: int
-    """Evenly sampled stretches of the file, between gaps, dead rows and stops of the spindle."""
+    """Evenly sampled stretches of the file, between gaps, dead rows and a spindle that stops, runs
+    up or turns slowly."""
 
 
 def chatter_of(
@@ -82,9 +87,11 @@ def chatter_of(
     if not used:
         raise ValueError(f"{file} has no column of vibration, force or sound: name one, --channel")
     values = np.stack([numbers[name] for name in used])
-    turns = np.isfinite(rpm) & np.greater(rpm, 0)
-    if not turns.any():
+    turning = np.asarray(rpm)[np.isfinite(rpm) & np.greater(rpm, 0)]
+    if not turning.size:
         raise ValueError(f"--speed {speed} has no value above 0 rev/min in {file}: name another")
+    change = np.asarray(rpm) / np.quantile(turning, 0.9)  # of the speed at which it works
+    turns = (change >= MOST_CHANGE**-0.5) & (change <= MOST_CHANGE**0.5)
     rows = np.flatnonzero(np.isfinite(values).all(axis=0) & np.isfinite(time) & turns)
     try:
         stretches = list(uniform_segments(time[rows]))
@@ -97,7 +104,7 @@ def chatter_of(
         even, 1 / longest.period, n, teeth, speeds_rpm=_speeds(machine),
         derivatives=[_derivative(_unit(table.schema.field(name))) for name in used],
     )  # fmt: skip
-    begins = longest.start - float(np.nanmin(time))
+    begins = max(longest.start - float(np.nanmin(time)), 0.0)
     if judged.begins_s is not None:
         judged = replace(judged, begins_s=judged.begins_s + begins)
     return JudgedFile(
@@ -203,10 +210,11 @@ def said(file: JudgedFile) -> Iterator[str]:
         f"speed {found.speed_rpm:.0f} rev/min {how}, tooth passing {passing} Hz, "
         f"about {found.seconds_in_cut:.1f} s in the cut"
     )
-    if file.stretches > 1:
+    if file.seconds < 0.99 * file.file_seconds:
+        which = f"longest of {file.stretches} stretches" if file.stretches > 1 else "only stretch"
         yield (
             f"judged {file.seconds:.1f} of {file.file_seconds:.1f} s, from {file.begins_s:.2f} s "
-            f"on: the longest of {file.stretches} stretches between gaps; the others are not judged"
+            f"on: the {which} without a gap or another speed; the rest is not judged"
         )
     if found.verdict != "chatter" or found.frequency_Hz is None:
         return

@@ -336,6 +336,7 @@ def write_report(out: Path) -> Path:
         champion=DATA / "champion", golden=DATA / "golden", truth=DATA / "truth",
         programs=DATA / "programs", parts=DATA / "parts", trials=DATA / "trials",
         history=DATA / "history", ledger=DATA / "ledger", twin_state=DATA / "twin_state",
+        condition=DATA / "condition", incidents=DATA / "incidents",
         settings=SETTINGS / HASHES, reports=out, metrics=out / "metrics.json",
         fleet=structure(values, "fleet", Fleet),
         budget=structure(values, "budget", str), pages=structure(values, "pages", ReportSettings),

@@ -41,7 +41,7 @@ it stands in the place of the default. A key that is not listed is refused. Valu
 elsewhere with `${…}`; a file may begin from others with `defaults:`. The simulated shop floor's own
 parameters (`conf/shop/`) are not listed: they describe no machine of yours.
 """
-GIVEN = ("clean", "model", "cost", "monitoring", "optimisation", "promotion")
+GIVEN = ("clean", "model", "cost", "incidents", "monitoring", "optimisation", "promotion")
 """Groups of conf/ whose values hold for all machines."""
 Given = dict[tuple[type, str], list[Any]]
 """Class and key -> the different values that files give for all machines."""

@@ -71,9 +71,10 @@ class SpindlePower:
 def spindle_power(serving: ServingModel | None) -> SpindlePower | None:
     """Power of the spindle that the champion's cutting model identified; None where it did not."""
     model: Any = None if serving is None else serving.model
-    if serving is None or model.spindle is None or len(model.spindle.curve) < 2:
+    records = None if serving is None else serving.judging.cutting_records.spindle
+    if records is None or model.spindle is None or len(model.spindle.curve) < 2:
         return None
-    return SpindlePower(records=serving.judging.cutting_records.spindle, curve=model.spindle.curve)
+    return SpindlePower(records=records, curve=model.spindle.curve)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,12 +120,12 @@ class DayRows:
         mode = np.where(inside, np.array([*kinds, -1])[place], -1)
         (_, tool), (states, state) = self.words("tool_number"), self.words("execution")
         active = np.array([one == "ACTIVE" for one in states] + [not states])[state]
-        turns = np.abs(self.number("spindle_speed")) > self.cleaning.turning_rpm
+        stands = np.abs(self.number("spindle_speed")) <= self.cleaning.turning_rpm
         changed = np.flatnonzero((np.diff(tool) != 0) & (tool[1:] >= 0) & (tool[:-1] >= 0)) + 1
         at = self.seconds[changed]
         near = (np.searchsorted(at, self.seconds + TOOL_CHANGE_S, "right")
                 > np.searchsorted(at, self.seconds - TOOL_CHANGE_S, "right"))  # fmt: skip
-        changing = near & active & ~turns & (mode != CUT)
+        changing = near & active & stands & (mode != CUT)
         return np.where(changing, MODES.index("tool_change"), mode)
 
 
@@ -244,7 +245,9 @@ def with_drift(given: Estimators, days: Iterable[DayRows]) -> Estimators:
     parts = []
     for rows in days if given.power else ():
         values, _ = day_state(rows, replace(given, serving={}))
-        known = np.flatnonzero(np.isfinite(values["no_load_power_residual"]))
+        # a load that shows 0 % gives a no-load power that is no measure of its drift
+        known = np.flatnonzero(np.isfinite(values["no_load_power_residual"])
+                               & (values["no_load_power_estimated"] > 0.0))  # fmt: skip
         estimated, high, off = (
             values[f"no_load_power_{part}"][known] for part in ("estimated", "high", "residual")
         )
@@ -275,14 +278,16 @@ def following_errors(rows: DayRows, serving: ServingModel | None) -> tuple[Value
         name, command = f"{axis}_following_error", rows.number(f"{axis}_commanded_position")
         error = command - rows.number(f"{axis}_position")
         values[f"{name}_measured"] = error
-        reasons[name] = "no constant feed of the axis"
-        if not np.isfinite(error).any():
-            reasons[name] = "commanded and actual position not logged"
         known = {} if serving is None else serving.model.parameters.get(axis.upper(), {})
         gain, forward = known.get("loop_gain"), known.get("velocity_feedforward")
+        logged = bool(np.isfinite(command).any())
         if gain is None or gain.value is None or gain.interval_95 is None:
-            reasons[name] += ", and no model with its loop gain"
+            lacking = "" if logged else "commanded position not logged, and "
+            reasons[name] = f"{lacking}no model with its loop gain"
             continue
+        reasons[name] = (
+            "no constant feed of the axis" if logged else "commanded position not logged"
+        )
         before = np.diff(command, prepend=np.nan) / np.diff(rows.seconds, prepend=np.nan)
         after = np.append(before[1:], np.nan)
         even = (np.abs(before - after) <= STEADY * np.abs(before)) & (before != 0)

@@ -5,6 +5,7 @@ a log-linear regression on them and on the wear, fitted robustly to the other to
 
     ln RMS = c_0 + sum_i c_i ln x_i + c_w VB + words,
 
+with x_i itself where it is not above 0 throughout,
 at the level of the tool's own earlier cuts of the same kind: how resonances answer a speed that no
 other tool has run at, conditions do not say.
 """
@@ -119,7 +120,8 @@ def _trend(
     measured = table["measured"][off.index]
     r = [measured.corr(np.exp(one[off.index])) for one in (expected, new)]
     if tools.nunique() < FEWEST_TOOLS or not np.isfinite(r).all():
-        why = f"fewer than {FEWEST_TOOLS} tools of known wear with {EARLIER + 1} cuts of a kind"
+        why = (f"fewer than {FEWEST_TOOLS} tools of known wear with {EARLIER + 1} cuts of a kind, "
+               "or cuts that do not differ")  # fmt: skip
         return table, replace(check, reason=why)
     residuals = Residuals(error=off.to_numpy(), regime=np.full(len(off), ALL_REGIMES),
                           group=tools.to_numpy(str), t=np.zeros(len(off)))  # fmt: skip
@@ -140,8 +142,8 @@ def _expected(log: Any, cuts: WearWindows, conditions: pd.DataFrame, words: list
 
     numbers = [name for name in cuts.condition_units
                if not np.array_equal(conditions[name], cuts.progress, equal_nan=True)]  # fmt: skip
-    positive = conditions[numbers].where(conditions[numbers] > 0)
-    design = positive.transform(np.log).assign(wear=cuts.wear)
+    design = conditions[numbers].apply(lambda x: np.log(x) if x.min() > 0 else x)
+    design = design.assign(wear=cuts.wear)
     design = design.join(pd.get_dummies(conditions[words], dtype=float)) if words else design
     known, new = design.notna().all(axis=1) & log.notna(), log * np.nan
     if len(np.unique(cuts.tool[known])) >= FEWEST_TOOLS:

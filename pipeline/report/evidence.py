@@ -20,8 +20,10 @@ from pipeline.charts.sources import Source, SourceRegistry
 from pipeline.charts.submodel_page import made_from
 from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources, tabulated
 from pipeline.report.alarms import alarms_section
+from pipeline.report.condition import condition_section
 from pipeline.report.facts import MachineFacts, ModelledPart, StateLine, Truth, already
 from pipeline.report.folders import PROGRAMS, RECORDS
+from pipeline.report.incidents import INCIDENTS, incidents_of
 from pipeline.report.life import LIFE, life_of
 from pipeline.report.part_programs import part_key_figures, part_programs_section
 from pipeline.report.programs.simulated import programs_section
@@ -174,10 +176,11 @@ class EvidencePage:
 
 
 def evidence_pages(facts: MachineFacts, changed: Section, notes: list[str]) -> list[EvidencePage]:
-    """A page for each sub-model, for programs and the model's life if any, and for the records."""
+    """A page for each sub-model, for programs, incidents and life if any, and for the records."""
     return [
         *(_submodel_page(one) for one in facts.models),
         *_programs_page(facts),
+        *_incidents_page(facts),
         *_life_page(facts),
         _records_page(facts, changed, notes),
     ]
@@ -218,6 +221,15 @@ def _programs_page(facts: MachineFacts) -> list[EvidencePage]:
     ]  # fmt: skip
 
 
+def _incidents_page(facts: MachineFacts) -> list[EvidencePage]:
+    found = incidents_of(facts.folders, facts.shelf)
+    if found is None:
+        return []
+    (status, word, sentences), sections = found
+    state = StateLine(status=status, word=word, sentences=sentences)
+    return [EvidencePage(subject=INCIDENTS, title="Incidents", state=state, sections=sections)]
+
+
 def _life_page(facts: MachineFacts) -> list[EvidencePage]:
     life = life_of(facts)
     if life is None:
@@ -231,6 +243,7 @@ def _records_page(facts: MachineFacts, changed: Section, notes: list[str]) -> Ev
     sections = [
         work_section(facts.work, facts.day_uses),
         twin_state_section(facts.folders, facts.shelf),
+        condition_section(facts.folders, facts.shelf),
         alarms_section(facts.alarms),
         records_section(facts.records),
         _missing_section(facts),

@@ -43,6 +43,10 @@ class MachineFolders:
     """JSON lines ``data/ledger/<machine>.jsonl`` of the nights of what serves; may be absent."""
     twin_state: Path | None = None
     """Folder ``data/twin_state/<machine>`` of what the champion estimates; may be absent."""
+    condition: Path | None = None
+    """Folder ``data/condition/<machine>`` of the reports by week; may be absent."""
+    incidents: Path | None = None
+    """JSON ``data/incidents/<machine>.json`` of what monitoring found; may be absent."""
     corrected: Path | None = None
     """JSON of corrected commands driven on the simulated shop floor; None where none were."""
     settings: Path | None = None

@@ -16,6 +16,7 @@ from pipeline.charts.sources import SourceRegistry, picked, shown
 from pipeline.charts.tables import MOST_ROWS, Cell, Column, code, sources, tabulated
 from pipeline.report.folders import MachineFolders
 from pipeline.schema.si import DAY, NS
+from pipeline.signals.columns import component_words
 
 MOST_BETWEEN_S = 1_800.0
 """Mean time between records [s] up to which a source reports by itself, not by hand."""
@@ -272,13 +273,9 @@ def components(folders: MachineFolders, shelf: SourceRegistry) -> Mapping[str, t
         return {}
     words = [pc.fill_null(one.cast(pa.string()), "").to_pylist() for one in table.columns]
     return {
-        item: (category, _component(part, name) + f", {_said(kind)}" * (category == "SAMPLE"))
+        item: (category, component_words(part, name) + f", {_said(kind)}" * (category == "SAMPLE"))
         for item, category, part, name, kind in zip(*words, strict=True)
     }
-
-
-def _component(kind: str, name: str) -> str:
-    return kind if kind.casefold() == name.casefold() else f"{kind} {name}".strip()
 
 
 def _said(kind: str) -> str:

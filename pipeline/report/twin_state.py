@@ -89,14 +89,14 @@ def _strip(head: str, name: str, rows: pd.DataFrame, first: date, least: float) 
 
 def _text(state: TwinState) -> Iterator[str]:
     served = ", ".join(f"{name} {status}" for name, status in state.submodels.items())
-    yield f"What the models that serve estimate beside what was measured ({served or 'none'})."
+    yield f"What the champion’s models estimate beside what was measured ({served or 'none'})."
     if state.temperature_interval_unknown:
         yield f"Spindle temperature: {state.temperature_interval_unknown}."
     total = sum(day.seconds for day in state.days.values())
     if total:
         known = {name: sum(day.known_s[name] for day in state.days.values()) for name in QUANTITIES}
         words = (f"{name.replace('_', ' ')} {hours(s)}{NARROW}h" for name, s in known.items() if s)
-        yield f"Of {hours(total)}{NARROW}h of records are known: {', '.join(words) or 'none'}."
+        yield f"Estimated in {hours(total)}{NARROW}h of records: {', '.join(words) or 'nothing'}."
     if (force := state.force) is not None and force.mape_percent is not None:
         yield (
             f"In {counted(force.levels, 'cut')} of known engagement the force from the spindle’s "

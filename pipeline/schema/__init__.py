@@ -6,6 +6,7 @@ Nothing in here computes physics, and nothing in here imports another package of
 __all__ = [
     "arrays",
     "bundle",
+    "condition",
     "cutting",
     "days",
     "decision",
@@ -16,6 +17,7 @@ __all__ = [
     "history",
     "identity",
     "imports",
+    "incident",
     "ledger",
     "limits",
     "model",

@@ -138,6 +138,11 @@ def unit_of(column: pa.Field) -> str:
     return (column.metadata or {}).get(b"unit", b"").decode()
 
 
+def component_words(kind: str, name: str) -> str:
+    """Part of a machine by its MTConnect component and its name, each once."""
+    return kind if kind.casefold() == name.casefold() else f"{kind} {name}".strip()
+
+
 TIME = pa.timestamp("ns", tz="UTC")
 _CODED, _WORD, _NUMBER = pa.dictionary(pa.int32(), pa.string()), pa.string(), pa.float64()
 

@@ -24,7 +24,7 @@ from pipeline.schema.store import write_text
 HEADER = "# Composed from conf/ by the stage compose; edit conf/, not this file.\n"
 ENTRIES = ("material", "tool")
 """Groups of which every file is an entry of the section of their name."""
-CHOICES = ("budget", "cost", "monitoring", "optimisation", "promotion")
+CHOICES = ("budget", "cost", "incidents", "monitoring", "optimisation", "promotion")
 """Groups whose section has their name, of which one file is chosen."""
 BASELINE = "DVC_EXP_BASELINE_REV"
 """Variable with the commit that an experiment of DVC starts from."""

@@ -79,5 +79,5 @@ def named(known: Mapping[str, T], name: str, folder: str) -> T:
     """The tool table or the material that a part names."""
     if name not in known:
         there = ", ".join(sorted(known)) or "none"
-        raise ValueError(f"parts name {name!r}, which conf/{folder}/ does not have: it has {there}")
+        raise ValueError(f"conf/{folder}/ does not have {name!r}, which is named: it has {there}")
     return known[name]

@@ -30,6 +30,8 @@ def report(
     history: Path,
     ledger: Path,
     twin_state: Path,
+    condition: Path,
+    incidents: Path,
     settings: Path,
     reports: Path,
     metrics: Path,
@@ -40,7 +42,7 @@ def report(
 ) -> None:
     """Write a page for the fleet and for each machine, with key figures and metrics."""
     folders = (signals, clean, models, champion, golden, truth, programs, parts, trials, history,
-               ledger, twin_state, settings)  # fmt: skip
+               ledger, twin_state, condition, incidents, settings)  # fmt: skip
     machines, info = machines_of(folders, fleet), info_of(fleet, budget)
     written = write_report(machines, info, reports, reports, metrics, say=texts(pages.language))
     kept = {path for page in written for path in (page, record_of(page))}
@@ -51,7 +53,7 @@ def report(
 def machines_of(folders: Sequence[Path], fleet: Fleet) -> list[MachineFolders]:
     """Folders of each machine of a fleet, from those that stage ``report`` reads, in its order."""
     signals, clean, models, champion, golden, truth, programs, parts, trials, *others = folders
-    history, ledger, twin_state, settings = others
+    history, ledger, twin_state, condition, incidents, settings = others
     machines = []
     identities = {name: _identity(signals / name / "manifest.json") for name in fleet.machines}
     for name, identity in identities.items():
@@ -73,6 +75,8 @@ def machines_of(folders: Sequence[Path], fleet: Fleet) -> list[MachineFolders]:
                 history=history / f"{name}.jsonl",
                 ledger=ledger / f"{name}.jsonl",
                 twin_state=twin_state / name,
+                condition=condition / name,
+                incidents=incidents / f"{name}.json",
                 trial=trials / f"{name}.json" if name in fleet.trials else None,
                 corrected=trials / f"{name}_command_correction.json"
                 if name in fleet.trials

@@ -12,6 +12,7 @@ from pipeline.monitoring.day_estimates import DayRows, Estimators, SpindlePower
 from pipeline.monitoring.nightly import ServingModel
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import NoLoadPoint
+from pipeline.schema.twin_state import StateDay
 from pipeline.signals.cleaning.settings import CleanSettings
 from pipeline.submodels.cutting.settings import LoadItems, SpindleLoadRecords
 
@@ -58,6 +59,11 @@ def day_rows(columns: Mapping[str, Any], kind: str, period_s: float = 1.0) -> Da
         segments=segments.append_column("kind", pa.array([kind])),
         cleaning=CleanSettings(period_s=period_s),
     )  # fmt: skip
+
+
+def unknown_day(seconds: float) -> StateDay:
+    """A day of which no quantity is estimated."""
+    return StateDay(role="held_out", seconds=seconds, known_s={}, unknown={})
 
 
 def estimators(

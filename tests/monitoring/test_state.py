@@ -11,7 +11,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.monitoring.budget import MonitoringSettings
-from pipeline.monitoring.day_estimates import day_state, following_errors, with_drift
+from pipeline.monitoring.day_estimates import (
+    day_state,
+    following_errors,
+    spindle_power,
+    with_drift,
+)
 from pipeline.monitoring.nightly import serving_models
 from pipeline.monitoring.recorded_state import _trend
 from pipeline.parameters import read_params
@@ -123,6 +128,18 @@ def test_what_the_no_load_power_drifts_by_on_training_days_widens_its_interval()
     assert drift(day(0.0, "2026-01-05"), day(0.0, "2026-01-06")) < 0.05
     assert 0.5 < drift(day(0.0, "2026-01-05"), day(1.0, "2026-01-06")) < 1.0
     assert drift(day(1.0, "2026-01-05")) == POWER.drift, "one day says nothing of another"
+    none = replace(POWER, curve=tuple(replace(one, power_W=0.0) for one in POWER.curve))
+    two = day(0.0, "2026-01-05"), day(0.0, "2026-01-06")
+    found = with_drift(estimators(power=none), two).power  # type: ignore[arg-type]
+    assert found is not None and found.drift == 0.0, "a load of 0 % without a cut has no share"
+
+
+def test_a_curve_without_the_load_that_it_is_of_estimates_nothing() -> None:
+    model = SimpleNamespace(spindle=SimpleNamespace(curve=POWER.curve))
+    for records, known in ((None, False), (POWER.records, True)):
+        judging = SimpleNamespace(cutting_records=SimpleNamespace(spindle=records))
+        found = spindle_power(SimpleNamespace(model=model, judging=judging))  # type: ignore[arg-type]
+        assert (found is not None) == known
 
 
 def test_ten_rows_a_second_are_a_period_that_divides_a_day() -> None:
@@ -164,6 +181,8 @@ def test_a_tool_change_is_where_the_spindle_stands_about_the_new_number() -> Non
     mode = day_rows(rows, "air").modes()
     change = np.flatnonzero(mode == MODES.index("tool_change"))
     assert change.min() == 100 and 128 <= change.max() <= 131
+    unknown = day_rows(rows | {"spindle_speed": np.full(400, np.nan)}, "air").modes()
+    assert MODES.index("tool_change") not in unknown, "whether it stands is not known"
     assert (day_rows(rows, "off").modes()[350:] == -1).all(), "a machine that is off has no mode"
 
 
@@ -180,7 +199,11 @@ def test_the_following_error_at_constant_feed_is_speed_over_loop_gain() -> None:
     assert known[5:145].all() and not known[148:151].all()
     assert np.abs(values["x_following_error_residual"][known]).max() < 1e-9
     assert (values["x_following_error_high"] >= values["x_following_error_low"])[known].all()
-    assert reasons["y_following_error"].startswith("commanded and actual position not logged")
+    assert "not logged, and no model" in reasons["y_following_error"]
+    serving = SimpleNamespace(model=SimpleNamespace(parameters={"X": {}, "Y": {"loop_gain": gain}}))
+    _, why = following_errors(rows, serving)  # type: ignore[arg-type]
+    assert why["x_following_error"] == "no model with its loop gain"
+    assert why["y_following_error"] == "commanded position not logged"
 
 
 def cuts(seed: int, dead: int = -1) -> tuple[WearWindows, np.ndarray]:
@@ -214,6 +237,15 @@ def test_vibration_follows_wear_at_the_level_of_the_tool(seed: int) -> None:
     assert inside[table["predicted"].notna()].mean() >= 0.88
     first = table.groupby(["group", "regime"]).head(2)
     assert first["predicted"].isna().all(), "two cuts of a kind say a tool's level"
+
+
+def test_a_condition_that_is_0_in_some_cuts_leaves_them() -> None:
+    windows, rms = cuts(0)
+    given = {"coolant": (np.arange(160) // 3 % 2).astype(float)}
+    units = windows.condition_units | {"coolant": "1"}
+    windows = replace(windows, conditions={**windows.conditions, **given}, condition_units=units)
+    _, check = _trend(windows, rms, "vibration_x", "m/s^2")
+    assert check.recordings == 128 and check.correlation is not None
 
 
 def test_a_dead_sensor_and_two_tools_say_nothing_of_a_trend() -> None:

@@ -43,7 +43,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
         write_json(replace(model, parameters=parameters, fit=replace(model.fit, nodes=nodes)), path)
     names = (
         "signals clean models champion golden truth programs parts trials history ledger "
-        "twin_state settings out metrics"
+        "twin_state condition incidents settings out metrics"
     )
     paths = [root / one for one in names.split()]
     fleet = Fleet(name="hall", machines=tuple(TYPES), submodels={"spindle": tuple(TYPES)})

@@ -104,7 +104,7 @@ def test_the_shop_floor_cuts_both_and_the_page_lays_them_side_by_side(project: P
     assert told["limit_load_N"] == LIMIT == found["limits"]["load_N"]
     assert told["after"]["time_s"]["mean"] < told["before"]["time_s"]["mean"]
     places = ("signals", "clean", "models", "champion", "golden", "truth", "programs", "parts",
-              "trials", "history", "ledger", "twin_state")  # fmt: skip
+              "trials", "history", "ledger", "twin_state", "condition", "incidents")  # fmt: skip
     for place in places:
         (project / "data" / place).mkdir(exist_ok=True)
     with inside(project):

@@ -48,6 +48,8 @@ STEADY, MIDPOINT = 1.25, 1.5
 """<a^4> / <a^2>^2 below which a line is self-excited; between a steady and a random one [1]."""
 GREAT_SHARE, SMALL_SHARE = 0.5, 0.005
 """Share of the energy of a line that is great, and of one that is too small for chatter [1]."""
+MOST_CHANGE = 2.0
+"""Greatest speed over the least in a recording [1]."""
 RISEN = 0.25
 """Power of a line at its begin over the median after it [1]: half of its amplitude."""
 
@@ -125,7 +127,7 @@ def recorded_chatter(
     rate : float
         Sampling rate [Hz].
     n : float or ndarray, shape (T,)
-        Spindle speed [1/s], above 0.
+        Spindle speed [1/s], above 0; it changes by no more than the factor ``MOST_CHANGE``.
     teeth : int
         Number of teeth, N.
     derivatives : sequence of int, optional
@@ -141,8 +143,10 @@ def recorded_chatter(
         verdict="not decided", why="", speed_rpm=60 * nominal, tooth_passing_Hz=nominal * teeth,
         frequency=np.zeros(0), spectrum=np.zeros(0),
     )  # fmt: skip
-    if not (np.isfinite(speed) & (speed > 0.0)).all():
+    if not (0.0 < speed.min() <= speed.max() < np.inf):
         return _with(none, why="the spindle speed is unknown: give it in rev/min")
+    if speed.max() > MOST_CHANGE * speed.min() * (1 + 1e-9):
+        return _with(none, why="the spindle speed changes more than twofold: judge a part of it")
     if rate < 6 * nominal * teeth:
         return _with(none, why=f"the band is too small: {rate:g} Hz hold no three harmonics of the "
                      f"tooth-passing frequency of {nominal * teeth:.4g} Hz")  # fmt: skip

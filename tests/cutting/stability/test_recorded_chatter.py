@@ -233,3 +233,10 @@ def loudest_line(made: Simulated, n: float, teeth: int) -> float:
     f = np.fft.rfftfreq(size, 1 / made.rate)
     between = np.abs(f / n - np.rint(f / n / teeth) * teeth) > 0.1
     return float(f[np.argmax(np.where(between, power, 0.0))])
+
+
+def test_a_speed_that_changes_more_than_twofold_is_not_judged() -> None:
+    t, y = synthetic()
+    found = recorded_chatter(y, RATE, np.where(t < 1.0, 0.01, N_S), TEETH)
+    assert found.verdict == "not decided" and "more than twofold" in found.why
+    assert "unknown" in recorded_chatter(y, RATE, np.where(t < 1.0, np.nan, N_S), TEETH).why
