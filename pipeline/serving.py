@@ -115,8 +115,8 @@ class Bundle(mlflow.pyfunc.PythonModel):
             )
         if name not in passed and not wanted.get("anyway"):
             raise ValueError(
-                f"the {name} of {self.machine} does not serve, {self.statuses[name]}: ask with the "
-                "parameter anyway, which is then true"
+                f"the {name} of {self.machine} does not serve ({self.statuses[name]}): give the "
+                "parameter anyway as true to ask it all the same"
             )
         with self.package.active():
             if name not in self.loaded:

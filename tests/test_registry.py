@@ -386,7 +386,7 @@ def test_one_bundle_serves_each_of_its_sub_models(made: Path, tmp_path: Path) ->
     pd.testing.assert_frame_equal(found, direct(tmp_path, table))
     with pytest.raises(ValueError, match=r"cutting.model\.json does not exist"):
         served.predict(None, table)  # the first that passed where none is named
-    with pytest.raises(ValueError, match="the control of m does not serve, failed: ask with"):
+    with pytest.raises(ValueError, match=r"control of m does not serve \(failed\): give the"):
         served.predict(None, table, {"submodel": "control", "anyway": False})
     with pytest.raises(ValueError, match=r"control.model\.json does not exist"):
         served.predict(None, table, {"submodel": "control", "anyway": True})
