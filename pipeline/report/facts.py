@@ -14,6 +14,7 @@ from pipeline.charts.sources import SourceRegistry, picked, shown
 from pipeline.charts.submodel_page import PageContent, Subject, submodel_page
 from pipeline.report.alarms import Alarms, machine_alarms
 from pipeline.report.folders import CHOICES, MachineFolders, program_pages
+from pipeline.report.incidents import monitored
 from pipeline.report.part_programs import MODELS, PartPrograms, part_programs
 from pipeline.report.programs.simulated import Program, program_of, simulated_programs
 from pipeline.report.records import Changed, RecordsRead, records_read
@@ -22,6 +23,7 @@ from pipeline.report.work import Work, work
 from pipeline.schema.bundle import BUNDLE, Bundle, model_hash
 from pipeline.schema.golden import Days, GoldenSets
 from pipeline.schema.history import Entry, read_history
+from pipeline.schema.incident import Monitored
 from pipeline.schema.ledger import Night, read_ledger
 from pipeline.schema.ledger import serving as of_serving
 from pipeline.schema.model import Model
@@ -270,6 +272,8 @@ class MachineFacts:
     logged: tuple[str, ...] = ()
     nights: tuple[Night, ...] = ()
     """Nights on which what serves was scored."""
+    monitored: Monitored | None = None
+    """What monitoring found; None where the machine has no state of a twin."""
     written: Mapping[str, Program] = field(default_factory=dict)
     """Programs as written with their cut, by the label of their optimisation."""
 
@@ -355,6 +359,7 @@ def machine_facts(folders: MachineFolders) -> MachineFacts:
         absent=absent_items(folders, shelf),
         logged=logged_signals(folders),
         nights=_nights(folders, shelf, serves),
+        monitored=monitored(folders, shelf),
     )
 
 

@@ -27,11 +27,10 @@ def incidents_of(
     folders: MachineFolders, shelf: SourceRegistry
 ) -> "tuple[State, list[Section]] | None":
     """State and sections of a machine's page; None where nothing was monitored."""
-    path = folders.incidents
-    found = None if path is None else shelf.read(path, Monitored, MADE_FROM)
-    if path is None or found is None or not (found.days or found.incidents):
+    found = monitored(folders, shelf)
+    if folders.incidents is None or found is None:
         return None
-    made = sources(shelf, path)
+    made = sources(shelf, folders.incidents)
     newest = sorted(found.incidents, key=lambda one: (one.end, one.start), reverse=True)
     events = [(one, event) for one in newest for event in one.events if event.rule != "alarm"]
     sections = [
@@ -55,10 +54,15 @@ def incidents_of(
     return _state(found), sections
 
 
+def monitored(folders: MachineFolders, shelf: SourceRegistry) -> Monitored | None:
+    """What monitoring found on a machine; None where nothing was monitored."""
+    path = folders.incidents
+    found = None if path is None else shelf.read(path, Monitored, MADE_FROM)
+    return found if found is not None and (found.days or found.incidents) else None
+
+
 def _state(found: Monitored) -> "State":
-    last = max(found.days, default="")
-    acts = [one for one in found.incidents if one.severity == "act" and one.end[:10] >= last]
-    recent = [one for one in found.incidents if one.end[:10] >= last]
+    acts, recent = found.recent("act"), found.recent("act", "watch")
     if acts:
         words = f"{counted(len(acts), 'incident')} of the last day of records to act on: "
         return "failed", "act", [words + "; ".join(one.title for one in acts) + "."]

@@ -1,7 +1,7 @@
 """State of a machine and of its twin: two lines, actions in one table, further observations.
 
-The twin is what its judge says of its sub-models.  The machine's own condition is another thing:
-no model here assesses it, so it is "not assessed yet", whatever the twin passes.
+The twin is what its judge says of its sub-models.  The machine's own condition is another thing: it
+is what monitoring found on the last day of records, "not assessed yet" where nothing is monitored.
 """
 
 from collections.abc import Iterator
@@ -22,6 +22,7 @@ from pipeline.report.facts import (
     passed_words,
 )
 from pipeline.report.folders import RECORDS, evidence_page, link
+from pipeline.report.incidents import INCIDENTS
 from pipeline.report.optimised.tables import AIMS
 from pipeline.report.part_programs import PartProgram, loadable, refused
 from pipeline.report.records import WHOLE, Gap
@@ -47,8 +48,8 @@ def machine_actions(
     that is ``trusted`` as a whole optimised programs are proposed.
     """
     rows = [
-        *_alarms(facts, say), *_sensors(facts, say), *drift_actions(facts, say),
-        *_of_submodels(facts, say),
+        *_incidents(facts, say), *_alarms(facts, say), *_sensors(facts, say),
+        *drift_actions(facts, say), *_of_submodels(facts, say),
         *_records(facts, grave, say), *_models(facts, say), *_programs(facts, trusted, say),
     ]  # fmt: skip
     rows.sort(key=lambda row: (row.action.until != NOW, ORDER.index(row.action.who)))
@@ -65,6 +66,19 @@ def _absent(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
             action=Action(what=say("action.absent"), where=item, why=why, until=NOW,
                           who="process engineer"),
             href=link(facts.folders.name, RECORDS, "records"),
+        )  # fmt: skip
+
+
+def _incidents(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
+    """Incidents to act on; alarms that recur have rows of their own."""
+    for one in [] if facts.monitored is None else facts.monitored.recent("act"):
+        if any(event.rule == "alarm" for event in one.events):
+            continue
+        why = say("action.incident_why", title=say.given(one.title), moment=say.moment(one.start))
+        yield ActionRow(
+            action=Action(what=say.given(one.check), where=one.component, why=why, until=NOW,
+                          who=one.who),
+            href=link(facts.folders.name, INCIDENTS, "incidents"), english=("what", "why"),
         )  # fmt: skip
 
 
@@ -295,11 +309,11 @@ def machine_verdict(facts: MachineFacts, say: Texts = ENGLISH) -> MachineVerdict
 
 
 def _condition(facts: MachineFacts, actions: list[ActionRow], say: Texts) -> StateLine:
-    """The machine itself: what its records show, as nothing assesses its wear or its faults."""
+    """The machine itself: its incidents, and what its records show besides."""
     faults = sum(one.level == "fault" for one in facts.alarms.alarms)
     still = sum(one.ended == "open" for one in facts.alarms.alarms)
     checks = sum(row.action.who == "maintenance" for row in actions)
-    said = [say("condition.unassessed")]
+    status, word, said = _monitored(facts, say)
     if facts.alarms.watched or facts.alarms.alarms:
         reported = say("alarms.faults", count=faults)
         said.append(
@@ -310,7 +324,19 @@ def _condition(facts: MachineFacts, actions: list[ActionRow], say: Texts) -> Sta
         said.append(say("condition.checks", count=checks))
     if facts.silence is not None:
         said.append(say("condition.silent", duration=say.duration(facts.silence)))
-    return StateLine(status="unknown", word=say("condition.word"), sentences=said)
+    return StateLine(status=status, word=word, sentences=said)
+
+
+def _monitored(facts: MachineFacts, say: Texts) -> tuple[Status, str, list[str]]:
+    """State by the incidents that lasted into the last day of records."""
+    found = facts.monitored
+    if found is None:
+        return "unknown", say("condition.word"), [say("condition.unassessed")]
+    act, watch = found.recent("act"), found.recent("watch")
+    word = "act" if act else "watch" if watch else "quiet"
+    status: Status = "failed" if act else "attention" if watch else "passed"
+    said = [say("condition.incidents", act=len(act), watch=len(watch))]
+    return status, say(f"condition.{word}"), said
 
 
 def _judged(facts: MachineFacts) -> tuple[list[Judged], list[Judged]]:

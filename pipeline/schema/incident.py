@@ -116,3 +116,11 @@ class Monitored:
     """Time in which a program ran [s]."""
     rules: Mapping[str, RuleState]
     incidents: tuple[Incident, ...]
+
+    def recent(self, *severities: Severity) -> list[Incident]:
+        """Incidents of some severities that lasted into the last day, the latest first."""
+        last = max(self.days, default="")
+        found = [
+            one for one in self.incidents if one.severity in severities and one.end[:10] >= last
+        ]
+        return sorted(found, key=lambda one: (one.end, one.start), reverse=True)
