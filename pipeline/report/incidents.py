@@ -1,7 +1,7 @@
 """Page of the incidents of a machine: what to act on, evidence, what was assessed and what not."""
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import Literal
 
 from pipeline.charts.numbers import NARROW, NOT_KNOWN, counted, duration, hours, moment, number
 from pipeline.charts.sections import Section, present
@@ -10,11 +10,8 @@ from pipeline.charts.tables import Cell, Column, sources, tabulated
 from pipeline.report.folders import MachineFolders
 from pipeline.schema.incident import Event, Incident, Monitored, RuleState
 
-if TYPE_CHECKING:
-    from pipeline.report.facts import Status
-
-    State = tuple[Status, str, list[str]]
-
+State = tuple[Literal["failed", "attention", "passed"], str, list[str]]
+"""Status, word and sentences of a page."""
 INCIDENTS = "incidents"
 """Subject of the page."""
 MADE_FROM = "the twin’s state and the control’s alarms, by the stage monitor"
@@ -25,7 +22,7 @@ MOST = 40
 
 def incidents_of(
     folders: MachineFolders, shelf: SourceRegistry
-) -> "tuple[State, list[Section]] | None":
+) -> tuple[State, list[Section]] | None:
     """State and sections of a machine's page; None where nothing was monitored."""
     found = monitored(folders, shelf)
     if folders.incidents is None or found is None:
@@ -61,7 +58,7 @@ def monitored(folders: MachineFolders, shelf: SourceRegistry) -> Monitored | Non
     return found if found is not None and (found.days or found.incidents) else None
 
 
-def _state(found: Monitored) -> "State":
+def _state(found: Monitored) -> State:
     acts, recent = found.recent("act"), found.recent("act", "watch")
     if acts:
         words = f"{counted(len(acts), 'incident')} of the last day of records to act on: "
