@@ -8,6 +8,7 @@ from pipeline.charts.sections import Action, PartVerdict, SubModelPage
 from pipeline.report import verdict
 from pipeline.report.alarms import Alarms
 from pipeline.report.facts import ActionRow
+from pipeline.schema.incident import Incident, Monitored, Severity
 
 
 def facts(**parts: PartVerdict) -> SimpleNamespace:
@@ -16,7 +17,7 @@ def facts(**parts: PartVerdict) -> SimpleNamespace:
         for name, one in parts.items()
     ]
     return SimpleNamespace(
-        models=models, pages=[one.page for one in models], silence=None,
+        models=models, pages=[one.page for one in models], silence=None, monitored=None,
         alarms=Alarms(folders=None, shelf=None, alarms=[]),
     )  # fmt: skip
 
@@ -42,6 +43,35 @@ def test_a_twin_that_passed_says_nothing_of_the_machine() -> None:
     found = verdict.machine_verdict(facts(spindle=PASSED, cutting=PASSED))
     assert (found.condition.status, found.condition.word) == ("unknown", "not assessed yet")
     assert (found.twin.status, found.twin.word) == ("passed", "all 2 sub-models passed")
+
+
+def incident(severity: Severity, end: str) -> Incident:
+    return Incident(
+        id=severity + end, machine="m", origin="simulated", component="X", title="Friction rises",
+        severity=severity, check="Look at X.", who="maintenance", start=f"{end}T08:00Z",
+        end=f"{end}T09:00Z", seconds=60.0, count=1, events=(),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("found", "status", "word"),
+    [
+        ([], "passed", "quiet"),
+        ([("act", "2026-01-05")], "passed", "quiet"),  # not on the last day
+        ([("watch", "2026-01-06")], "attention", "watch"),
+        ([("watch", "2026-01-06"), ("act", "2026-01-06")], "failed", "act"),
+    ],
+)
+def test_the_machine_is_what_monitoring_found_on_the_last_day(
+    found: list[tuple[Severity, str]], status: str, word: str
+) -> None:
+    given = facts(spindle=PASSED)
+    given.monitored = Monitored(
+        machine="m", origin="simulated", days=("2026-01-05", "2026-01-06"), known_good=(),
+        worked_s=1.0, rules={}, incidents=tuple(incident(*one) for one in found),
+    )  # fmt: skip
+    line = verdict.machine_verdict(given).condition
+    assert (line.status, line.word) == (status, word)
 
 
 def test_generated_signals_that_failed_decide_nothing_and_are_said() -> None:
