@@ -130,7 +130,9 @@ def test_without_a_drive_nothing_is_made_of_its_no_load_power() -> None:
 
 def test_what_a_part_names_must_be_there(tmp_path: Path) -> None:
     bare = MachineModels(control=CONTROL)
-    with pytest.raises(ValueError, match="'hers', which conf/tool/ does not have: it has mine"):
+    with pytest.raises(
+        ValueError, match="conf/tool/ does not have 'hers', which is named: it has mine"
+    ):
         named({"mine": 1}, "hers", "tool")
     for change, said in (
         ({"program": "parts/O2.nc"}, "O2.nc is no file: name a part program"),

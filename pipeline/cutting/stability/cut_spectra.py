@@ -93,7 +93,7 @@ def rotation_lines(found: CutSpectra) -> tuple[Bools, Ints]:
 
 
 def noise_floor(found: CutSpectra, rotation: Bools) -> Floats:
-    """Floor of noise in each segment: running median between the lines; shape (C, S, F)."""
+    """Floor of the noise in each segment [1], by a running median between lines; (C, S, F)."""
     from scipy.ndimage import median_filter
 
     out = np.empty_like(found.power)
@@ -164,7 +164,17 @@ def mains_lines(frequency: Floats) -> Bools:
 
 
 def line_frequency(power: Floats, frequency: Floats, at: int) -> tuple[float, float]:
-    """Frequency of a line by the centroid of its bins, and half of its 95 % interval [Hz]."""
+    """Frequency of a line by the centroid of its bins, and half of its 95 % interval [Hz].
+
+    Parameters
+    ----------
+    power : ndarray, shape (S, F)
+        Power of each segment, of channels of unit variance [1].
+    frequency : ndarray, shape (F,)
+        Frequencies of the bins [Hz].
+    at : int
+        Bin of the line.
+    """
     around = slice(max(at - 2, 0), at + 3)
     weight = np.maximum(power[:, around], 0.0)
     each = (weight @ frequency[around]) / np.maximum(weight.sum(axis=1), 1e-12)
