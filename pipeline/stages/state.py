@@ -5,7 +5,7 @@ from pathlib import Path
 from pipeline.cutting.tool import ToolTable
 from pipeline.fleet import Fleet
 from pipeline.monitoring.state import write_twin_state
-from pipeline.parameters import read_params
+from pipeline.parameters import read_params, structure
 from pipeline.schema.golden import read_golden
 from pipeline.signals.cleaning.settings import CleanMachine, CleanSettings
 from pipeline.stages.optimise import named
@@ -21,7 +21,6 @@ def state(
     written: Path,
     *,
     fleet: Fleet,
-    roles: Roles,
     cleaning: CleanSettings,
     mapping: CleanMachine,
     tool: dict[str, ToolTable],
@@ -32,9 +31,11 @@ def state(
     records = Records.of_machine(
         champion.parents[1], name, champion, None if under is None else Path(under)
     )
+    values, path = read_params(), f"machine.{name}.roles"
+    own = "roles" in values["machine"][name]  # a machine that nothing is fitted on has none
     tables = [named(tool, one, "tool").tools for one in mapping.tool_tables]
     write_twin_state(
-        champion, records, written, roles=roles, cleaning=cleaning,
-        sets=read_golden(golden / f"{name}.json"), values=read_params(),
+        champion, records, written, roles=structure(values, path, Roles) if own else Roles(),
+        cleaning=cleaning, sets=read_golden(golden / f"{name}.json"), values=values,
         tools={number: one.diameter for table in tables for number, one in table.items()},
     )  # fmt: skip
