@@ -202,8 +202,7 @@ def said(file: JudgedFile) -> Iterator[str]:
     found = file.verdict
     yield f"{found.verdict}: {found.why}"
     if found.confidence is not None:
-        sure = f"{100 * found.confidence:.0f} %"
-        yield f"confidence {sure}: at least so much of the cut agrees (95 %)"
+        yield f"confidence: {100 * found.confidence:.0f} % of the cut or more agree with it"
     how = "by its lines" if found.seconds_in_cut else "as stated"
     passing = rounded(found.tooth_passing_Hz, digits=4)
     yield (

@@ -64,7 +64,7 @@ def deliver(
     webhook: Annotated[str, typer.Option(help="Address that takes a POST of JSON.")],
     since: Since = "",
     attempts: Annotated[int, typer.Option(help="Attempts for each incident.")] = 5,
-    timeout: Annotated[float, typer.Option(help="Wait for an answer [s].")] = 10.0,
+    timeout: Annotated[float, typer.Option(help="Wait for an answer, s.")] = 10.0,
     json: kerf.Json = None,
 ) -> None:
     """Send MACHINE's incidents to a webhook, each once; signed with KERF_WEBHOOK_SECRET."""

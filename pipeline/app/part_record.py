@@ -23,7 +23,18 @@ def records_of(machine: str, first: str, last: str, program: str) -> list[PartRe
 
 def lines(records: Sequence[PartRecord]) -> Iterator[str]:
     """A line for each part: time against the usual, greatest load, force, alarms."""
-    rows = [("cycle", "begins", "program", "active s", "usual s", "load %", "force N", "alarms")]
+    rows = [
+        (
+            "cycle",
+            "begins",
+            "program",
+            "active s",
+            "usual s",
+            "most load %",
+            "most force N",
+            "alarms",
+        )
+    ]
     for one in records:
         load, force = one.measured.get("spindle_load"), one.twin.get("tangential_force")
         rows.append((

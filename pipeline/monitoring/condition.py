@@ -2,8 +2,8 @@
 
 The value of a week is the mean of its days with Student's interval between days; hours and alarms
 are summed, and alarms divided by the time with records.  The reference is the mean of the first
-weeks; a line is crossed where the value is beyond it and the interval is above the reference, so
-that one odd day is no alarm.
+weeks, by their days; a line is crossed where the value is beyond it and the interval is above the
+reference, so that one odd day is no alarm.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -209,7 +209,8 @@ def _assessed(
         needed = settings.reference_weeks + 1
         if len(weekly) < needed:
             return replace(found, reason=f"{len(weekly)} of {needed} weeks needed")
-        reference = float(np.mean([one.value for one in weekly[: settings.reference_weeks]]))
+        first = weekly[: settings.reference_weeks]
+        reference = float(np.average([w.value for w in first], weights=[w.days for w in first]))
         if kind == "alarms":
             reference = max(reference, 1.0)  # none is no scale for the lines
         elif reference <= 0:

@@ -1,6 +1,5 @@
 """As-built records: the finished cycles of a log, from its clean tables and the twin's state."""
 
-import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,6 +22,7 @@ from pipeline.schema.part_record import (
 from pipeline.schema.program_cut import SimulatedProgram
 from pipeline.schema.store import StoreError, read_json
 from pipeline.schema.twin_state import MANIFEST, QUANTITIES, TwinState, day_path, read_day
+from pipeline.signals.store import sha256_of
 from pipeline.signals.windows import read_state, state_days
 
 MEASURED = ("temperature", "load", "speed", "override")
@@ -141,7 +141,7 @@ def _record(
         twin=twin, alarms=_alarms(log, one.start, one.end), bundle=bundle,
         version=champion.version if champion and bundle == champion.bundle else None,
         submodels={} if log.twin is None else dict(log.twin.submodels),
-        sources={path.as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        sources={path.as_posix(): sha256_of(path)
                  for path in (log.clean / "cycles.parquet", *files)},
         not_known={name: why for name, why in lacking.items() if why},
     )  # fmt: skip
