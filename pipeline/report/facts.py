@@ -13,6 +13,7 @@ from pipeline.charts.sections import Action, PartVerdict, SubModelPage
 from pipeline.charts.sources import SourceRegistry, picked, shown
 from pipeline.charts.submodel_page import PageContent, Subject, submodel_page
 from pipeline.report.alarms import Alarms, machine_alarms
+from pipeline.report.condition import week_reports
 from pipeline.report.folders import CHOICES, MachineFolders, program_pages
 from pipeline.report.incidents import monitored
 from pipeline.report.part_programs import MODELS, PartPrograms, part_programs
@@ -21,6 +22,7 @@ from pipeline.report.records import Changed, RecordsRead, records_read
 from pipeline.report.texts import Texts
 from pipeline.report.work import Work, work
 from pipeline.schema.bundle import BUNDLE, Bundle, model_hash
+from pipeline.schema.condition import WeekReport
 from pipeline.schema.golden import Days, GoldenSets
 from pipeline.schema.history import Entry, read_history
 from pipeline.schema.incident import Monitored
@@ -274,6 +276,8 @@ class MachineFacts:
     """Nights on which what serves was scored."""
     monitored: Monitored | None = None
     """What monitoring found; None where the machine has no state of a twin."""
+    weeks: tuple[WeekReport, ...] = ()
+    """Kept reports of the condition by week, the newest last."""
     written: Mapping[str, Program] = field(default_factory=dict)
     """Programs as written with their cut, by the label of their optimisation."""
 
@@ -360,6 +364,7 @@ def machine_facts(folders: MachineFolders) -> MachineFacts:
         logged=logged_signals(folders),
         nights=_nights(folders, shelf, serves),
         monitored=monitored(folders, shelf),
+        weeks=week_reports(folders, shelf),
     )
 
 
