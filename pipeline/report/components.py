@@ -72,6 +72,18 @@ def weeks_worked(facts: MachineFacts) -> list[str]:
     return sorted({week_of(one.day) for one in facts.work.worked_days})
 
 
+def week_incidents(facts: MachineFacts, week: str = "") -> list[Incident]:
+    """Incidents to act on or to watch that lie in a calendar week, the newest one by default."""
+    weeks = weeks_worked(facts)
+    if facts.monitored is None or not weeks:
+        return []
+    week, zone = week or weeks[-1], facts.work.time_zone
+    return [
+        one for one in facts.monitored.incidents if one.severity in RANK
+        and week_of(day_of_text(one.start, zone)) <= week <= week_of(day_of_text(one.end, zone))
+    ]  # fmt: skip
+
+
 def component_states(facts: MachineFacts, say: Texts) -> list[ComponentState]:
     """State of each component in the newest week; the gravest finding decides."""
     weeks = weeks_worked(facts)
@@ -103,15 +115,14 @@ def _state(
 
 def _findings(facts: MachineFacts, week: str, say: Texts) -> Iterator[Finding]:
     """What incidents and the kept report say of a week."""
-    for one in () if facts.monitored is None else facts.monitored.incidents:
-        first, last = (day_of_text(at, facts.work.time_zone) for at in (one.start, one.end))
-        if RANK.get(one.severity) and week_of(first) <= week <= week_of(last):
-            yield Finding(key=component_of(one.component, _about(one)), since=first,
-                          rank=RANK[one.severity], why=say.given(one.title))  # fmt: skip
+    for one in week_incidents(facts, week):
+        since = day_of_text(one.start, facts.work.time_zone)
+        yield Finding(key=component_of(one.component, _about(one)), since=since,
+                      rank=RANK[one.severity], why=say.given(one.title))  # fmt: skip
     kept = [one for one in facts.weeks if one.week <= week]
     for condition in kept[-1].conditions if kept and kept[-1].week == week else ():
         if rank := RANK.get(condition.state):
-            since = _since(kept, condition.key, condition.state)
+            since = condition_since(kept, condition.key, condition.state)
             yield Finding(key=component_of(condition.component), rank=rank, since=since,
                           why=f"{say.given(condition.what)} ({condition.component})")  # fmt: skip
 
@@ -120,7 +131,7 @@ def _about(one: Incident) -> str:
     return " ".join([one.title, *(event.rule.replace("_", " ") for event in one.events[:1])])
 
 
-def _since(kept: Sequence[WeekReport], key: tuple[str, str, str], state: str) -> str:
+def condition_since(kept: Sequence[WeekReport], key: tuple[str, str, str], state: str) -> str:
     """First day of the weeks up to the newest in which a quantity had one state."""
     since = ""
     for report in reversed(kept):
@@ -176,7 +187,7 @@ SHAPES = {
 }
 REST = "M22 38h44v140h-44zM66 46h8v36h-8zM110 164h132v14h-132zM274 100h26v4h-26z"
 """Outline of a machining centre from its side, by component; :data:`REST` is its frame."""
-NAMED = {"spindle": (174, 62), "axes": (264, 162), "tools": (152, 126), "coolant": (196, 84),
+NAMED = {"spindle": (174, 62), "axes": (264, 162), "tools": (160, 122), "coolant": (282, 216),
          "sensors": (74, 32), "control": (300, 124)}  # fmt: skip
 """Place of the name of each."""
 GLYPHS = {
@@ -203,7 +214,7 @@ def outline(states: Sequence[ComponentState], say: Texts) -> Markup:
         parts.append(svg.tag("g", svg.group([svg.tag("title", words), shape, glyph, label])))
         said.append(words)
     return svg.tag(
-        "svg", svg.group(parts), class_="outline", role="img", viewBox="0 0 372 224",
+        "svg", svg.group(parts), class_="outline", role="img", viewBox="0 0 412 224",
         aria_label=f"{say('component.outline')}: {'; '.join(said)}",
         xmlns="http://www.w3.org/2000/svg",
     )  # fmt: skip
