@@ -104,25 +104,29 @@ DOING = ("s-cut", "s-rapid", "s-still")
 ROW, HEAD, BETWEEN = 21, 24, 14  # px: a bar, the head above a group, between groups
 FILL = 66.0  # percent of the width that the longest bar takes; its time stands beside it
 MOST = 10  # bars in a group; the rest are one
+MOST_CAUSES = 15  # of the causes each has its bar
 
-LIMITS = {
-    "feed": "programmed feed",
-    "axis speed": "axis speed",
-    "acceleration": "acceleration",
-    "corner": "corners",
-    "arc": "arcs",
-    "tolerance": "path tolerance",
-    "exact stop": "exact stops",
+CAUSES = {
+    "feed": "at the programmed feed",
+    "axis speed": "limit of an axis’ speed",
+    "acceleration": "speeding up and slowing down",
+    "corner": "slowing down at corners",
+    "arc": "slowing down in arcs",
+    "tolerance": "keeping the path tolerance",
+    "exact stop": "stops between blocks",
     "curve": "curves made of chords",
-    "rapid": "rapid speed",
-    "jerk": "jerk",
-    "spindle": "spindle",
-    "nothing": "nothing: it stands",
+    "rapid": "rapids",
+    "spindle": "waiting for the spindle",
+    "tool change": "tool changes",
+    "dwell": "dwell",
+    "program stop": "program stops",
+    "M code": "M codes",
 }
-"""Limits of the speed of a block, in words."""
+"""Causes of time, in words."""
 
 TYPE_KIND = {"rapid": "s-rapid", "feed": "s-cut", "arc": "s-cut"}
-LIMIT_KIND = {"feed": "s-cut", "rapid": "s-rapid", "spindle": "s-still", "nothing": "s-still"}
+STANDING = ("spindle", "tool change", "dwell", "program stop", "M code")
+"""Causes of time at which the axes stand anyway."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,22 +248,18 @@ Group = tuple[str, list[Bar]]
 """A head and the bars below it."""
 
 
-def limit_seconds(program: SimulatedProgram) -> dict[str, float]:
-    """Time [s] by what limits the speed of a block, only what takes any."""
-    return _seconds(program.by_limit)
-
-
 def _seconds(times: Mapping[str, float]) -> dict[str, float]:
     return {name: value for name, value in times.items() if value > 0}
 
 
-def limit_bars(program: SimulatedProgram) -> list[Group]:
-    """Time by what limits the speed of a block, the longest bar first."""
+def cause_bars(program: SimulatedProgram) -> list[Group]:
+    """Time by what costs it, the longest bar first."""
+    kinds = {"feed": "s-cut", "rapid": "s-rapid"} | dict.fromkeys(STANDING, "s-still")
     bars = [
-        Bar(name=limit_words(name), parts=[(seconds, LIMIT_KIND.get(name, "s-lost"))])
-        for name, seconds in limit_seconds(program).items()
+        Bar(name=cause_words(name), parts=[(seconds, kinds.get(name, "s-lost"))])
+        for name, seconds in _seconds(program.by_cause).items()
     ]
-    return _present([("What bounds the speed", bars)])
+    return _present([("What costs time", bars)], MOST_CAUSES)
 
 
 def tool_and_type_bars(program: SimulatedProgram) -> list[Group]:
@@ -272,13 +272,14 @@ def tool_and_type_bars(program: SimulatedProgram) -> list[Group]:
     return _present([("By tool", tools), ("By type of block", types)])
 
 
-def _present(groups: list[Group]) -> list[Group]:
-    return [(head, _shortened(bars)) for head, bars in groups if any(b.seconds > 0 for b in bars)]
+def _present(groups: list[Group], most: int = MOST) -> list[Group]:
+    shown = [(head, bars) for head, bars in groups if any(b.seconds > 0 for b in bars)]
+    return [(head, _shortened(bars, most)) for head, bars in shown]
 
 
-def limit_words(name: str) -> str:
-    """Bound of the speed, in words; its own name when it is not listed here."""
-    return LIMITS.get(name, name)
+def cause_words(name: str) -> str:
+    """Cause of time, in words; its own name when it is not listed here."""
+    return CAUSES.get(name, name)
 
 
 def _tool_bar(one: ToolTime) -> Bar:
@@ -289,14 +290,14 @@ def _tool_bar(one: ToolTime) -> Bar:
     )
 
 
-def _shortened(bars: list[Bar]) -> list[Bar]:
+def _shortened(bars: list[Bar], most: int) -> list[Bar]:
     found = sorted((b for b in bars if b.seconds > 0), key=lambda b: (-b.seconds, b.name))
-    rest = found[MOST - 1 :]
+    rest = found[most - 1 :]
     if len(rest) < 2:
         return found
     kinds = list(dict.fromkeys(kind for b in rest for _, kind in b.parts))
     sums = [(sum(s for b in rest for s, k in b.parts if k == kind), kind) for kind in kinds]
-    return [*found[: MOST - 1], Bar(name=counted(len(rest), "other"), parts=sums)]
+    return [*found[: most - 1], Bar(name=counted(len(rest), "other"), parts=sums)]
 
 
 def bars_figure(groups: list[Group], total: float, label: str) -> Markup:
