@@ -7,6 +7,7 @@ made. Heights are compared in the machine's frame, where the tool stands along Z
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -99,9 +100,9 @@ def _order(plan: Plan) -> Iterator[Advice]:
         after += tour_length(places[order], begin, leave)
         holes += [starts[i] for i in order]
     if after < before - STILL_MM:
-        ordered = replace(moves, **{name: column[rows] for name, column in moves.columns()})
+        columns: dict[str, Any] = {name: column[rows] for name, column in moves.columns()}
         yield _advice(
-            plan, ordered, np.array(holes),
+            plan, replace(moves, **columns), np.array(holes),
             f"visit the holes in another order: {before:.4g} mm of rapids between {len(holes)} "
             f"holes, {after:.4g} mm in the order of these lines",
             "holes of a tool may be drilled in any order, nothing stands in the way between them",

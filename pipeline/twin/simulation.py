@@ -150,8 +150,8 @@ def time_by_cause(plan: Plan) -> dict[str, float]:
     share = np.divide(lacking[0], whole, out=np.full(len(path), 0.5), where=whole > 0)
     ramps = np.where(cutting, time - at_top, 0.0)
 
-    def of(codes: NDArray[np.uint8], seconds: Floats) -> Floats:
-        return np.bincount(codes, seconds, len(Binding))
+    def of(codes: NDArray[np.integer], seconds: Floats) -> Floats:
+        return np.bincount(codes, seconds, len(Binding)).astype(np.float64)
 
     every = of(np.where(cutting, Binding.FEED, Binding.RAPID), np.where(cutting, at_feed, time))
     every += of(path.reason, np.where(cutting, at_top - at_feed, 0.0))
