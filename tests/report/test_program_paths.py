@@ -29,7 +29,7 @@ from pipeline.report.programs.panels import (
     cause_bars,
     timeline,
     timeline_figure,
-    tool_and_type_bars,
+    tool_bars,
 )
 from pipeline.report.programs.simulated import feed_classes
 from pipeline.schema.program_cut import SimulatedProgram, ToolTime
@@ -212,14 +212,14 @@ def test_bars_are_as_long_as_the_times_that_they_name():
     widths = [float(w) for w in re.findall(r'width="([\d.]+)%" y', drawn)]
     assert widths[0] == pytest.approx(2 * widths[1]) and len(widths) == 2
     assert "30 s · 33" in re.sub(r"\s+", " ", drawn.replace("30.0", "30"))
-    (head, (bar,)), *rest = tool_and_type_bars(program)
+    (head, (bar,)), *rest = tool_bars(program)
     assert (head, bar.name, rest) == ("By tool", "T4", [])
     assert [seconds for seconds, _ in bar.parts] == [12.0, 5.0, 3.0]
 
 
 def test_more_tools_than_fit_are_summed_not_dropped():
     tools = tuple(ToolTime(tool=i, time_s=float(i + 1)) for i in range(30))
-    ((_, bars),) = tool_and_type_bars(SimulatedProgram(program="p", by_tool=tools))
+    ((_, bars),) = tool_bars(SimulatedProgram(program="p", by_tool=tools))
     assert len(bars) == 10 and bars[-1].name == "21 others"
     assert sum(bar.seconds for bar in bars) == pytest.approx(sum(range(1, 31)))
 

@@ -1,6 +1,6 @@
-"""Panels over a program's time or path; its feed over time, and bars by tool, type and limit."""
+"""Panels over a program's time or path; its feed over time, and bars by cause and tool."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -107,16 +107,16 @@ MOST = 10  # bars in a group; the rest are one
 MOST_CAUSES = 15  # of the causes each has its bar
 
 CAUSES = {
-    "feed": "at the programmed feed",
-    "axis speed": "limit of an axis’ speed",
-    "acceleration": "speeding up and slowing down",
-    "corner": "slowing down at corners",
-    "arc": "slowing down in arcs",
-    "tolerance": "keeping the path tolerance",
+    "feed": "at programmed feed",
+    "axis speed": "axis speed",
+    "acceleration": "acceleration",
+    "corner": "corners",
+    "arc": "arcs",
+    "tolerance": "path tolerance",
     "exact stop": "stops between blocks",
-    "curve": "curves made of chords",
+    "curve": "curves of chords",
     "rapid": "rapids",
-    "spindle": "waiting for the spindle",
+    "spindle": "spindle waits",
     "tool change": "tool changes",
     "dwell": "dwell",
     "program stop": "program stops",
@@ -124,7 +124,6 @@ CAUSES = {
 }
 """Causes of time, in words."""
 
-TYPE_KIND = {"rapid": "s-rapid", "feed": "s-cut", "arc": "s-cut"}
 STANDING = ("spindle", "tool change", "dwell", "program stop", "M code")
 """Causes of time at which the axes stand anyway."""
 
@@ -248,28 +247,19 @@ Group = tuple[str, list[Bar]]
 """A head and the bars below it."""
 
 
-def _seconds(times: Mapping[str, float]) -> dict[str, float]:
-    return {name: value for name, value in times.items() if value > 0}
-
-
 def cause_bars(program: SimulatedProgram) -> list[Group]:
     """Time by what costs it, the longest bar first."""
     kinds = {"feed": "s-cut", "rapid": "s-rapid"} | dict.fromkeys(STANDING, "s-still")
     bars = [
         Bar(name=cause_words(name), parts=[(seconds, kinds.get(name, "s-lost"))])
-        for name, seconds in _seconds(program.by_cause).items()
+        for name, seconds in program.by_cause.items()
     ]
     return _present([("What costs time", bars)], MOST_CAUSES)
 
 
-def tool_and_type_bars(program: SimulatedProgram) -> list[Group]:
-    """Time by tool and by type of block, the longest bar first."""
-    tools = [_tool_bar(one) for one in program.by_tool]
-    types = [
-        Bar(name=name, parts=[(seconds, TYPE_KIND.get(name, "s-still"))])
-        for name, seconds in _seconds(program.by_type).items()
-    ]
-    return _present([("By tool", tools), ("By type of block", types)])
+def tool_bars(program: SimulatedProgram) -> list[Group]:
+    """Time by tool, the longest bar first."""
+    return _present([("By tool", [_tool_bar(one) for one in program.by_tool])])
 
 
 def _present(groups: list[Group], most: int = MOST) -> list[Group]:

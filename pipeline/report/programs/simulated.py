@@ -1,4 +1,4 @@
-"""Simulated part programs: predicted time of each, by block type and cause."""
+"""Simulated part programs: predicted time of each, by cause, and what would save some."""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ REMEDIES = {
     "arc": "tight arcs slow it down: larger radii would help",
     "curve": "curves made of chords slow it down: longer chords, or arcs, would help",
     "tolerance": "the path tolerance slows it down: where the part allows, widen it",
-    "exact stop": "it stops between blocks: look at G61, G9 and M codes between cuts",
+    "exact stop": "it stops between blocks: look at pecks, G61, G9 and M codes between cuts",
     "axis speed": "an axis goes as fast as it can: a higher feed gains nothing there",
     "jerk": "the limit of jerk slows it down: smoother paths would help",
 }
@@ -245,7 +245,7 @@ def _tools(summary: SimulatedProgram) -> list[ToolTime]:
 def time_section(
     program: Program, classes: Classes, summary: list[Source], moves: list[Source]
 ) -> Section:
-    """Path and feed of a program, and its time by what bounds it, by tool and type of block.
+    """Path and feed of a program, and its time by cause and by tool.
 
     The files of its ``summary`` and of its ``moves`` stand below the figures.
     """
@@ -255,8 +255,7 @@ def time_section(
             _map(program, classes, moves),
             _bars(program, panels.cause_bars(program.summary), "what costs it", summary),
             _timeline(program, classes, moves),
-            _bars(program, panels.tool_and_type_bars(program.summary), "tool and type of block",
-                  summary),
+            _bars(program, panels.tool_bars(program.summary), "tool", summary),
         )
         if figure is not None
     ]  # fmt: skip
