@@ -176,6 +176,8 @@ class SubModelPage:
     """Actions from these records, besides those of ``verdict`` on the model."""
     sections: list[Section] = field(default_factory=list)
     """Sections in reading order."""
+    lead: Section | None = None
+    """Section for the machine's own page; None without one."""
     truth: list[Table] = field(default_factory=list)
     """Truth of a simulated machine beside the identified values."""
     compared: dict[str, Compared] = field(default_factory=dict)

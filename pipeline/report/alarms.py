@@ -56,12 +56,12 @@ class Alarm:
 
 @dataclass(frozen=True, kw_only=True)
 class Alarms:
-    """Alarms of a machine in the order of time, and how many conditions its agent describes."""
+    """Alarms of a machine in the order of time, and parts whose conditions its agent describes."""
 
     folders: MachineFolders
     shelf: SourceRegistry
     alarms: list[Alarm]
-    watched: int = 0
+    watched: tuple[str, ...] = ()
 
     @property
     def kinds(self) -> list[list[Alarm]]:
@@ -98,7 +98,7 @@ def machine_alarms(folders: MachineFolders, shelf: SourceRegistry) -> Alarms:
         )
         for i, row in enumerate(rows)
     ]  # fmt: skip
-    return Alarms(folders=folders, shelf=shelf, alarms=found, watched=len(conditions))
+    return Alarms(folders=folders, shelf=shelf, alarms=found, watched=tuple(conditions.values()))
 
 
 def kind_columns(say: Texts) -> tuple[Column[list[Alarm]], ...]:
@@ -173,7 +173,7 @@ def lead_alarms(alarms: Alarms, say: Texts) -> Section | None:
 def _none(found: Alarms, say: Texts) -> Section | None:
     if not found.watched:
         return None
-    said = say("alarms.none", count=found.watched)
+    said = say("alarms.none", count=len(found.watched))
     return Section(key="alarms", title=say("alarms.title"), text=[said])
 
 

@@ -1,16 +1,24 @@
-"""Page of one machine for its maintenance lead: actions, and trust in the twin."""
+"""Page of one machine for its maintenance lead: its week, what to do, what the twin is good for."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+
+from markupsafe import Markup
 
 from pipeline.charts.numbers import instant
 from pipeline.charts.sections import Section, present
 from pipeline.charts.tables import Cell, Column, Table, sources, tabulated
 from pipeline.report.alarms import lead_alarms
 from pipeline.report.changes import Change, columns
+from pipeline.report.components import (
+    ComponentState,
+    component_states,
+    outline,
+    weeks_worked,
+)
 from pipeline.report.drift import drift_section
 from pipeline.report.evidence import EvidencePage
-from pipeline.report.facts import MachineFacts, MachineVerdict
+from pipeline.report.facts import ActionRow, MachineFacts, MachineVerdict
 from pipeline.report.folders import MachineFolders, evidence_page
 from pipeline.report.records import source_of
 from pipeline.report.scorecard import Line, scorecard
@@ -18,7 +26,7 @@ from pipeline.report.texts import Texts
 from pipeline.report.work import Day, Work
 from pipeline.schema.si import NS
 
-MOST_ACTIONS = 12
+MOST_ACTIONS = 5
 """Actions that stand on the page at once; the others open on demand."""
 MOST_CHANGES = 6
 """Changes on the page; all of them are on that of the records."""
@@ -31,13 +39,28 @@ class LeadPage:
     folders: MachineFolders
     verdict: MachineVerdict
     """Condition of the machine, its twin, and what is to be done."""
+    head: list[str]
+    """Calendar week, the week that it is compared with, since when the machine is off."""
+    components: list[ComponentState]
+    outline: Markup
+    """Outline of the machine with the state of each component."""
+    shown: list[ActionRow]
+    folded: list[ActionRow]
+    """Actions that stand on the page, and those that open on demand."""
     scorecard: list[Line]
-    """Trust in the twin, by sub-model."""
+    """What the twin may be used for, by sub-model."""
+    week: Section | None = None
+    first: list[Section] = field(default_factory=list)
+    """The week on its time axis, and the other sections of the first sheet."""
     sections: list[Section] = field(default_factory=list)
-    """Drift, alarms, changes, time, last records."""
+    """Sections of the second sheet: drift, changes, last records."""
     pages: list[tuple[str, str]] = field(default_factory=list)
     """File and title, in English, of each page of evidence."""
-    most_actions: int = MOST_ACTIONS
+
+    @property
+    def engineers(self) -> int:
+        """Number of the folded actions that are for engineers."""
+        return sum(row.engineers for row in self.folded)
 
 
 def lead_page(
@@ -46,20 +69,42 @@ def lead_page(
 ) -> LeadPage:  # fmt: skip
     """The lead's page of one machine; ``since`` names the report that changes are held against."""
     name = facts.folders.name
-    sections = [
-        drift_section(facts, say),
-        lead_alarms(facts.alarms, say),
-        _changes(changes, why_none, since, say),
-        _time(facts, say),
-        _last_records(facts, say),
-    ]
+    components = component_states(facts, say)
+    shown = [row for row in verdict.actions if not row.engineers][:MOST_ACTIONS]
+    first = [*(page.lead for page in facts.pages), lead_alarms(facts.alarms, say),
+             _time(facts, say)]  # fmt: skip
+    second = [drift_section(facts, say), _changes(changes, why_none, since, say),
+              _last_records(facts, say)]  # fmt: skip
     return LeadPage(
         folders=facts.folders,
         verdict=verdict,
-        scorecard=scorecard(name, facts.models, say),
-        sections=[section for section in sections if section is not None],
+        head=head_of(facts, say),
+        components=components,
+        outline=outline(components, say),
+        shown=shown,
+        folded=[row for row in verdict.actions if row not in shown],
+        scorecard=scorecard(facts, say),
+        first=[section for section in first if section is not None],
+        sections=[section for section in second if section is not None],
         pages=[(evidence_page(name, one.subject), one.title) for one in evidence],
     )
+
+
+def head_of(facts: MachineFacts, say: Texts) -> list[str]:
+    """Calendar week of the newest record, the one before it, since when the machine is off."""
+    weeks, end = weeks_worked(facts), facts.work.last
+    if not weeks or end is None:
+        return [say("head.no_log")]
+    named = [say("head.week", week=int(one[6:]), year=one[:4]) for one in weeks[-2:]]
+    said = [named[-1]]
+    said.append(say("head.compared", week=named[0]) if len(named) > 1 else say("head.first"))
+    at = say.moment(int(end * NS))
+    if facts.off:
+        usual = "unusual" if facts.unusually_off else "usual"
+        said.append(say("head.off", moment=at, usual=say(f"head.{usual}")))
+    else:
+        said.append(say("head.until", moment=at))
+    return said
 
 
 def _changes(changes: list[Change], why_none: str, since: str, say: Texts) -> Section:
