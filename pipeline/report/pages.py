@@ -19,6 +19,7 @@ from pipeline.charts.sources import SourceRegistry, hash_of_files
 from pipeline.charts.tables import Column, Table, sources, tabulated
 from pipeline.report import changes
 from pipeline.report.cut.page import cut_page
+from pipeline.report.cut.recorded import against, recorded_section
 from pipeline.report.cut.tables import NONE, figure, share
 from pipeline.report.evidence import evidence_pages
 from pipeline.report.facts import (
@@ -65,6 +66,9 @@ def machine_program_pages(facts: MachineFacts) -> Iterator[tuple[str, Standalone
         elif name in labels:
             program = written[labels[name]]
             page = cut_page(program, *program.sources(facts.shelf))
+            log = recorded_section(program, facts.folders, facts.work, facts.shelf)
+            *first, basis = page.sections
+            page = replace(page, sections=[*first, *([] if log is None else [log]), basis])
             beside = ((files[labels[name]], "Optimised"),)
         else:
             page = simulated_page(simulated[name], classes, facts.shelf, _assumed(facts))
@@ -147,6 +151,12 @@ def trial_table(parts: PartPrograms, shelf: SourceRegistry, part: PartProgram) -
          share(None if certainty is None else certainty.exceedance),
          f"{cut.after.above} of {cut.seeds}"),
     ]  # fmt: skip
+    peaks = {} if certainty is None else {one.share: one.load_N for one in certainty.peaks}
+    low, high = peaks.get(0.05), peaks.get(0.95)
+    if low is not None and high is not None:
+        mean = cut.after.peak_load_N.mean
+        rows.append(("Peak load, 90 % interval, N", NONE, NONE, f"{number(low)} to {number(high)}",
+                     against((low, high), (mean, mean))))  # fmt: skip
     most = "" if allowed is None else f"; allowed was at most {share(allowed)}"
     trial = [] if parts.trial is None else [parts.trial]
     return tabulated(
