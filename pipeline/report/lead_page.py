@@ -2,7 +2,9 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 
+import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts.numbers import instant
@@ -193,6 +195,10 @@ def _sum(days: Sequence[Day], of: Callable[[Day], float | None]) -> float | None
 
 
 MOST_SOURCES = 8
+FEWEST_ENDS = 4
+"""Ends of files from which on the time between them is a habit."""
+LATE = 1.5
+"""Longest time between files that a source may be silent for, as a multiple of it [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,6 +210,10 @@ class Origin:
     last: float | None
     silent: float | None = None
     off: bool = False
+    every: float | None = None
+    """Usual time between the ends of its files [s]; None for fewer than :data:`FEWEST_ENDS`."""
+    late: float | None = None
+    """Time since its last record up to the newest of the machine [s], where it never was as long."""
 
 
 def origins(facts: MachineFacts, log_name: str) -> list[Origin]:
@@ -213,12 +223,7 @@ def origins(facts: MachineFacts, log_name: str) -> list[Origin]:
         when = instant(read.last)
         stamp = None if when is None else when.timestamp()
         found.setdefault(source_of(name, read), []).append(stamp)
-    each = [
-        Origin(
-            name=name, files=len(ends), last=max((e for e in ends if e is not None), default=None)
-        )
-        for name, ends in found.items()
-    ]
+    each = [_origin(name, ends, facts.records.newest) for name, ends in found.items()]
     clocked = sorted(
         (one for one in each if one.last is not None), key=lambda one: -(one.last or 0)
     )
@@ -232,6 +237,18 @@ def origins(facts: MachineFacts, log_name: str) -> list[Origin]:
     return [*(log if end is not None else []), *clocked]
 
 
+def _origin(name: str, ends: list[float | None], newest: datetime | None) -> Origin:
+    """A source, with the time between its files and whether it is late by that."""
+    known = sorted({end for end in ends if end is not None})
+    gaps = np.diff(known)
+    last = known[-1] if known else None
+    if len(known) < FEWEST_ENDS or newest is None or last is None:
+        return Origin(name=name, files=len(ends), last=last)
+    behind = newest.timestamp() - last
+    late = behind if behind > LATE * float(gaps.max()) else None
+    return Origin(name=name, files=len(ends), last=last, every=float(np.median(gaps)), late=late)
+
+
 def origin_columns(say: Texts) -> tuple[Column[Origin], ...]:
     """Columns of the table."""
     return (
@@ -240,11 +257,19 @@ def origin_columns(say: Texts) -> tuple[Column[Origin], ...]:
         Column(say("last.record"), lambda one: (
             say.moment(None if one.last is None else int(one.last * NS))
         )),
-        Column(say("last.state"), lambda one: (
-            Cell(text=say("last.silent", duration=say.duration(one.silent)), status="failed")
-            if one.silent is not None else say("last.off") if one.off else "–"
+        Column(say("last.every"), lambda one: (
+            "–" if one.every is None else say("last.each", duration=say.duration(one.every))
         )),
+        Column(say("last.state"), lambda one: _state(one, say)),
     )  # fmt: skip
+
+
+def _state(one: Origin, say: Texts) -> Cell | str:
+    if one.silent is not None:
+        return Cell(text=say("last.silent", duration=say.duration(one.silent)), status="failed")
+    if one.late is not None:
+        return Cell(text=say("last.late", duration=say.duration(one.late)), status="attention")
+    return say("last.off") if one.off else "–"
 
 
 def _last_records(facts: MachineFacts, say: Texts) -> Section:

@@ -11,12 +11,14 @@ the path of an optimised program.  Text from records is escaped.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from pipeline.charts.numbers import NARROW, number, signed
 from pipeline.charts.sections import PartVerdict, Section, present
 from pipeline.charts.sources import SourceRegistry, hash_of_files
 from pipeline.charts.tables import Column, Table, sources, tabulated
+from pipeline.parallel import mapped
 from pipeline.report import changes
 from pipeline.report.cut.page import cut_page
 from pipeline.report.cut.recorded import against, recorded_section
@@ -218,14 +220,15 @@ class ReportMetrics:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Report:
-    """A report before it is written: pages by file, key figures, and what they are held against."""
+class MachineReport:
+    """Pages of a machine by file, its row in the fleet, its key figures and what they rest on."""
 
     pages: Mapping[str, RenderedPage]
-    facts: Mapping[str, MachineFacts]
-    judged: Mapping[str, MachineVerdict]
-    figures: Mapping[str, changes.MachineFigures]
+    row: FleetRow
+    figures: changes.MachineFigures
     earlier: changes.Earlier
+    metrics: MachineMetrics
+    made: Made
 
 
 @together()
@@ -240,62 +243,67 @@ def write_report(
 ) -> list[Path]:
     """Write the pages of a fleet and ``out/report.json``, and return every page.
 
-    See :func:`report_of`. Each page has its record beside it. ``metrics`` is the file of the
-    report's metrics. ValueError when two machines have the same name, or two pages would.
-    """
-    report = report_of(machines, fleet, previous, say=say)
-    for page, one in report.pages.items():
-        one.write(out / page)
-    changes.write_key_figures(out / "report.json", report.figures, report.earlier)
-    if metrics is not None:
-        write_json(_metrics(report.facts, report.judged), metrics)
-    return [out / page for page in report.pages]
-
-
-def report_of(
-    machines: list[MachineFolders], fleet: FleetInfo, previous: Path | None, *,
-    say: Texts = ENGLISH,
-) -> Report:  # fmt: skip
-    """Every page of a fleet.
-
     Those are ``index.html``, ``<machine>.html`` for its lead, and for the evidence
     ``<machine>_<sub-model>.html``, ``<machine>_programs.html``, ``<machine>_records.html`` and for
-    each part program ``<machine>_program_<name>.html``.
+    each part program ``<machine>_program_<name>.html``; each has its record beside it.
 
     Files of ``machines`` that are absent are reported, not raised. ``previous`` is the
     ``report.json`` of the last report, or its folder, which may be ``out``; written again with
-    nothing changed, the pages are the same bytes. The fleet's and the leads' pages are in the
-    language of ``say``, those of evidence in English. ValueError when two machines have the same
-    name, or two pages would.
+    nothing changed, the pages are the same bytes. ``metrics`` is the file of the report's metrics.
+    The fleet's and the leads' pages are in the language of ``say``, those of evidence in English.
+    ValueError when two machines have the same name, or two pages would.
     """
     names = [m.name for m in machines]
     double = sorted({n for n in names if names.count(n) > 1})
     if double:
         raise ValueError(f"machine {double[0]} stands twice in the fleet; give each its own name")
-    facts = {m.name: machine_facts(m) for m in machines}
-    judged = {name: machine_verdict(f, say) for name, f in facts.items()}
-    figures = {name: changes.key_figures(f, judged[name]) for name, f in facts.items()}
-    earlier = changes.earlier_report(previous, figures)
+    last = changes.last_report(previous)
+    made = mapped(partial(machine_report, last=last, fleet=fleet, say=say), machines)
     pages: dict[str, RenderedPage] = {}
-    for name in names:
-        made = _machine_pages(facts[name], judged[name], earlier, figures[name], fleet, say)
-        twice = sorted(set(made) & set(pages))
-        if twice:
+    for name, one in zip(names, made, strict=True):
+        if twice := sorted(set(one.pages) & set(pages)):
             raise ValueError(
                 f"machine {name} and another would both write {twice[0]}; rename one of them"
             )
-        pages |= made
-    index = fleet_page([fleet_row(facts[name], judged[name], say) for name in names], say)
-    by = [_made(one, fleet) for one in facts.values()]
+        pages |= one.pages
+    pages["index.html"] = _index(made, fleet, say)
+    for file, page in pages.items():
+        page.write(out / file)
+    changes.write_key_figures(out / "report.json", {
+        name: (one.figures, one.earlier) for name, one in zip(names, made, strict=True)
+    })  # fmt: skip
+    if metrics is not None:
+        write_json(ReportMetrics(
+            status={s: sum(one.metrics.status == s for one in made) for s in STATUSES},
+            machines={name: one.metrics for name, one in zip(names, made, strict=True)},
+        ), metrics)  # fmt: skip
+    return [out / page for page in pages]
+
+
+def machine_report(
+    machine: MachineFolders, *, last: changes.KeyFigures | str, fleet: FleetInfo, say: Texts
+) -> MachineReport:
+    """Pages of one machine, and what the fleet's page says of it."""
+    facts = machine_facts(machine)
+    verdict = machine_verdict(facts, say)
+    now = changes.key_figures(facts, verdict)
+    earlier = changes.earlier(last, machine.name, now)
+    pages = _machine_pages(facts, verdict, earlier, now, fleet, say)
+    return MachineReport(
+        pages=pages, row=fleet_row(facts, verdict, say), figures=now, earlier=earlier,
+        metrics=_metrics(facts, verdict), made=_made(facts, fleet),
+    )  # fmt: skip
+
+
+def _index(made: Sequence[MachineReport], fleet: FleetInfo, say: Texts) -> RenderedPage:
+    by = [one.made for one in made]
     whole = Made(
         code=fleet.code, files=tuple(file for one in by for file in one.files),
         settings=hash_of_files((one.settings, "") for one in by if one.settings),
         model=hash_of_files((one.model, "") for one in by if one.model),
     )  # fmt: skip
-    pages["index.html"] = renderer(say)(
-        "index.html.j2", "index.html", whole, index=index, fleet=fleet
-    )
-    return Report(pages=pages, facts=facts, judged=judged, figures=figures, earlier=earlier)
+    index = fleet_page([one.row for one in made], say)
+    return renderer(say)("index.html.j2", "index.html", whole, index=index, fleet=fleet)
 
 
 def _made(facts: MachineFacts, fleet: FleetInfo) -> Made:
@@ -315,12 +323,11 @@ def _machine_pages(
 ) -> dict[str, RenderedPage]:  # fmt: skip
     """Pages of one machine by file; those of evidence are in English."""
     name = facts.folders.name
-    before = (earlier.machines or {}).get(name)
     changed = changes.changes_section(*_compared(earlier, facts, now, ENGLISH))
     evidence = evidence_pages(facts, changed, machine_notes(facts))
     page = lead_page(
         facts, verdict, evidence, *_compared(earlier, facts, now, say),
-        since=changes.since_words(before, say), say=say,
+        since=changes.since_words(earlier.figures, say), say=say,
     )  # fmt: skip
     programs = dict(machine_program_pages(facts))
     made, file = _made(facts, fleet), f"{name}.html"
@@ -339,31 +346,18 @@ def _compared(
     earlier: changes.Earlier, facts: MachineFacts, now: changes.MachineFigures, say: Texts
 ) -> tuple[list[changes.Change], str]:
     """Changes of one machine, and what to say when there are none."""
-    if earlier.machines is None:
+    if earlier.figures is None:
         return [], say(earlier.why_not)
-    before = earlier.machines.get(facts.folders.name)
-    if before is None:
-        return [], say("changes.not_in_last")
-    found = changes.changes(before, now, {one.name: one.page.changed for one in facts.models}, say)
+    notes = {one.name: one.page.changed for one in facts.models}
+    found = changes.changes(earlier.figures, now, notes, say)
     return found, "" if found else say("changes.nothing")
 
 
-def _metrics(
-    facts: Mapping[str, MachineFacts], judged: Mapping[str, MachineVerdict]
-) -> ReportMetrics:
-    return ReportMetrics(
-        status={s: sum(v.status == s for v in judged.values()) for s in STATUSES},
-        machines={
-            name: MachineMetrics(
-                status=judged[name].status,
-                days=len(f.work.worked_days),
-                records=f.records.records,
-                rejected=f.records.rejected,
-                submodels=_counts(f),
-            )
-            for name, f in facts.items()
-        },
-    )
+def _metrics(facts: MachineFacts, verdict: MachineVerdict) -> MachineMetrics:
+    return MachineMetrics(
+        status=verdict.status, days=len(facts.work.worked_days), records=facts.records.records,
+        rejected=facts.records.rejected, submodels=_counts(facts),
+    )  # fmt: skip
 
 
 def _counts(facts: MachineFacts) -> SubModelCounts:

@@ -353,9 +353,11 @@ def machine_verdict(facts: MachineFacts, say: Texts = ENGLISH) -> MachineVerdict
 
 def _condition(facts: MachineFacts, parts: list[ComponentState], say: Texts) -> StateLine:
     """The machine is as its worst component is."""
-    names = {status: [say(f"component.{one.key}") for one in parts if one.status == status]
-             for status in LOOKS}  # fmt: skip
-    status = next((one for one in LOOKS if names[one]), "unknown")
+    names: dict[Status, list[str]] = {
+        status: [say(f"component.{one.key}") for one in parts if one.status == status]
+        for status in LOOKS
+    }
+    status: Status = next((one for one in LOOKS if names[one]), "unknown")
     acts, watched, fine, rest = map(say.joined, names.values())
     key = "both" if acts and watched else "act" if acts else "watch" if watched else "nothing"
     if key == "nothing" and fine:
