@@ -9,7 +9,7 @@ security policy forbids it to load anything.  No script runs but the one that mo
 the path of an optimised program.  Text from records is escaped.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -30,7 +30,7 @@ from pipeline.report.facts import (
     Status,
     machine_facts,
 )
-from pipeline.report.fleet_page import fleet_page, fleet_row
+from pipeline.report.fleet_page import FleetRow, fleet_page, fleet_row
 from pipeline.report.folders import PROGRAMS, RECORDS, FleetInfo, MachineFolders, evidence_page
 from pipeline.report.lead_page import lead_page
 from pipeline.report.optimised import tables

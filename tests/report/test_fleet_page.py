@@ -13,7 +13,7 @@ from page_reader import outline, words
 from report_folders import FLEET, empty_machine
 
 from pipeline.charts.sections import Action
-from pipeline.report.facts import ActionRow, MachineVerdict, StateLine
+from pipeline.report.facts import ActionRow, MachineVerdict, StateLine, machine_facts
 from pipeline.report.fleet_page import (
     DAYS,
     HEIGHTS,
@@ -24,7 +24,6 @@ from pipeline.report.fleet_page import (
     group_of,
     kinds_of_days,
 )
-from pipeline.report.pages import report_of
 from pipeline.report.provenance import Made
 from pipeline.report.records import FileRead
 from pipeline.report.standalone_page import renderer
@@ -169,7 +168,7 @@ def test_the_greater_risk_comes_first_within_a_group(tmp_path: Path) -> None:
 
 def test_the_last_record_is_that_of_the_machines_log(tmp_path: Path) -> None:
     folders = empty_machine(tmp_path, "m")
-    made = report_of([folders], FLEET, None).facts["m"]
+    made = machine_facts(folders)
     row = fleet_row(made, verdict(PASSED), ENGLISH)
     assert row.last == "nothing read" and row.bar is None
     log = facts(weekdays(5)).work

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from pipeline.charts.numbers import duration, number
 from pipeline.charts.sections import Section, present
@@ -22,7 +23,7 @@ from pipeline.schema.program_cut import ProgramCut, ToolTotals
 from pipeline.schema.twin_state import MANIFEST, TwinState, day_path
 
 POWER = tuple(f"cutting_power_{part}" for part in ("estimated", "low", "high"))
-COLUMNS = ("program", "tool_number", "mode", *POWER)
+COLUMNS = ("program", "mode", "tool_number", *POWER)
 MADE_FROM = "the machine’s log, by the stage state"
 KW = 1e-3
 
@@ -69,9 +70,9 @@ def recorded_section(
     """Power by tool, predicted and recorded; None where nothing cuts."""
     if program.cut is None or not program.cut.by_tool:
         return None
-    names = {one.casefold() for one in (program.name, Path(program.summary.file).stem)}
+    names = {one.lower() for one in (program.name, Path(program.summary.file).stem)}
     state = folders.twin_state
-    cycles = [one for one in work.cycles or [] if one.program.casefold() in names]
+    cycles = [one for one in work.cycles or [] if one.program.lower() in names]
     days = sorted({day_of(at, work.time_zone) for one in cycles for at in (one.start, one.end)})
     found = None if state is None else shelf.read(state / MANIFEST, TwinState, MADE_FROM)
     paths = [] if state is None else [day_path(state, d) for d in days if found and d in found.days]
@@ -104,11 +105,13 @@ def _rows(tables: Sequence[pa.Table], names: Collection[str]) -> dict[int, Float
     """Power of the log's rows in which a program cuts, with the ends of its interval, by tool."""
     found: dict[int, list[list[float | None]]] = {}
     for table in tables:
-        columns = [table.column(name).to_pylist() for name in COLUMNS]
-        for program, tool, mode, *power in zip(*columns, strict=True):
-            number_ = re.search(r"\d+", str(tool))
-            if mode == "cut" and number_ and str(program).casefold() in names:
-                found.setdefault(int(number_[0]), []).append(power)
+        program, mode = (table.column(name).cast(pa.string()) for name in ("program", "mode"))
+        own = pc.is_in(pc.utf8_lower(program), value_set=pa.array(sorted(names)))
+        own = table.filter(pc.and_(own, pc.equal(mode, "cut")))
+        for tool, *power in zip(*(own.column(one).to_pylist() for one in COLUMNS[2:]), strict=True):
+            digits = re.search(r"\d+", str(tool))
+            if digits:
+                found.setdefault(int(digits[0]), []).append(power)
     known = {tool: np.array(rows, float) for tool, rows in found.items()}
     return {tool: rows[np.isfinite(rows).all(axis=1)] for tool, rows in known.items()}
 

@@ -358,7 +358,7 @@ def _bars(
     if not groups:
         return None
     total = program.seconds or sum(bar.seconds for bar in groups[0][1])
-    words = f"Predicted time of {program.name} by {by}"
+    words = f"Predicted time of {program.name} and its share, by {by}"
     return Figure(
         svg=panels.bars_figure(groups, total, words),
         caption=f"{words}.",
