@@ -1,6 +1,6 @@
 """Page of a fleet: a line a machine, in groups by urgency, with its last 90 days."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date, timedelta
 from itertools import groupby
@@ -18,8 +18,6 @@ from pipeline.schema.si import NS
 
 GROUPS = ("now", "maintenance", "twin", "other", "nothing", "unknown")
 """Groups by their key in the texts, in the order of the page."""
-FOLDED = ("nothing",)
-"""Groups that open on demand."""
 MOST_NAMES = 12
 """Machines that a credit names; the others are counted."""
 DAYS = 90
@@ -52,9 +50,8 @@ class FleetRow:
     @property
     def urgency(self) -> tuple[int, int, int, str]:
         """Order within a group: risk and deadline of the first action, number of actions, name."""
-        risk, due = (0, len(DUE)) if self.first is None else (
-            -self.first.risk, DUE.get(self.first.action.until, 1)
-        )  # fmt: skip
+        do = self.first
+        risk, due = (-do.risk, DUE.get(do.action.until, 1)) if do else (0, len(DUE))
         return risk, due, -len(self.verdict.actions), self.folders.name
 
 
@@ -65,11 +62,6 @@ class FleetGroup:
     key: str
     title: str
     rows: list[FleetRow]
-
-    @property
-    def folded(self) -> bool:
-        """Whether its machines open on demand."""
-        return self.key in FOLDED
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,10 +82,9 @@ class FleetPage:
 def fleet_row(facts: MachineFacts, verdict: MachineVerdict, say: Texts) -> FleetRow:
     """Line of one machine."""
     end, silent = facts.work.last, facts.silence
-    states = component_states(facts, say)
     shapes = [
         (say(f"component.{one.key}"), one.status, ", ".join(filter(None, (one.word, one.why))))
-        for one in states
+        for one in component_states(facts, say)
     ]  # fmt: skip
     off = say("fleet.off") if facts.off else ""
     return FleetRow(
@@ -153,9 +144,9 @@ def _bar(kinds: Sequence[str], words: str, wide: int) -> Markup:
         data[kind] = f"{data.get(kind, '')}M{at} {10 - high}h{many}v{high}h-{many}z"
         at += many
     paths = [svg.tag("path", d=path, class_=f"d-{kind}") for kind, path in data.items()]
-    title = [svg.tag("title", words)] if words else []
-    return svg.tag("svg", svg.group([*title, *paths]), class_="days", viewBox=f"0 0 {wide} 10",
-                   preserveAspectRatio="none", role="img", aria_label=words)  # fmt: skip
+    return svg.tag("svg", svg.group([svg.tag("title", words), *paths]), class_="days", role="img",
+                   viewBox=f"0 0 {wide} 10", preserveAspectRatio="none",
+                   aria_label=words)  # fmt: skip
 
 
 def group_of(verdict: MachineVerdict) -> str:
@@ -192,13 +183,8 @@ def fleet_page(rows: Sequence[FleetRow], say: Texts = ENGLISH) -> FleetPage:
         headline=say("fleet.headline", machines=machines, groups=", ".join(parts))
         if rows else say("fleet.none"),
         parts=next((tuple(name for name, _, _ in row.shapes) for row in rows), ()),
-        legend=list(_legend(say)),
+        legend=[(_bar([kind], say(f"fleet.day.{kind}"), 1), say(f"fleet.day.{kind}"))
+                for kind in HEIGHTS],
         simulated=bool(rows) and all(row.folders.origin == "simulated" for row in rows),
         credits=[(say.some(names, MOST_NAMES), credit) for credit, names in owners.items()],
     )  # fmt: skip
-
-
-def _legend(say: Texts) -> Iterator[tuple[Markup, str]]:
-    for kind in HEIGHTS:
-        words = say(f"fleet.day.{kind}")
-        yield _bar([kind], words, 1), words

@@ -35,22 +35,14 @@ def program_advice(plan: Plan) -> tuple[Advice, ...]:
     return tuple(sorted((one for one in found if one.seconds >= least), key=lambda a: -a.seconds))
 
 
-def _advice(plan: Plan, moves: Moves, rows: Rows, what: str, assumes: str) -> Advice:
-    """Advice with the seconds that the control takes less for ``moves``."""
-    saved = plan.total - planned_program(moves, plan.path.control).total
-    return _named(plan, saved, rows, what, assumes)
-
-
-def _named(plan: Plan, saved: float, rows: Rows, what: str, assumes: str) -> Advice:
-    lines = dict.fromkeys(plan.path.moves.line[rows].tolist())
-    return Advice(
-        what=what, assumes=assumes, seconds=round(saved, 3), lines=tuple(lines)[:MOST_LINES]
-    )
-
-
-def _stays(moves: Moves) -> Iterator[tuple[int, int]]:
-    """First row and end of the rows between two tool changes."""
-    yield from pairwise([0, *np.flatnonzero(moves.kind == Kind.TOOL_CHANGE), len(moves)])
+def _advice(
+    plan: Plan, moves: Moves, rows: Rows, what: str, assumes: str, saved: float | None = None
+) -> Advice:
+    """Advice with the seconds that the control takes less for ``moves``, or that are ``saved``."""
+    if saved is None:
+        saved = plan.total - planned_program(moves, plan.path.control).total
+    lines = tuple(dict.fromkeys(plan.path.moves.line[rows].tolist()))[:MOST_LINES]
+    return Advice(what=what, assumes=assumes, seconds=round(saved, 3), lines=lines)
 
 
 def _upright(moves: Moves) -> bool:
@@ -65,7 +57,7 @@ def _retracts(plan: Plan) -> Iterator[Advice]:
     if not _upright(moves):
         return
     cutting, end, start = np.isin(moves.kind, CUTTING), moves.end.copy(), moves.start[:, 2]
-    for first, last in _stays(moves):
+    for first, last in pairwise([0, *np.flatnonzero(moves.kind == Kind.TOOL_CHANGE), len(moves)]):
         cuts = first + np.flatnonzero(cutting[first:last])
         if len(cuts) > 1:
             between = np.arange(cuts[0], cuts[-1])
@@ -115,23 +107,19 @@ def _hole_rows(moves: Moves) -> Iterator[tuple[list[int], int]]:
     across = (step[:, :2] > STILL_MM).any(axis=1)
     transfer = (moves.kind == Kind.RAPID) & across & (step[:, 2] <= STILL_MM)
     inside = np.isin(moves.kind, (Kind.RAPID, Kind.FEED, Kind.DWELL)) & ~across
-    cuts = np.isin(moves.kind, CUTTING)
-    found: list[int] = []
-    end = 0
-    for row in np.flatnonzero(transfer).tolist():
-        if found and (row != end or abs(moves.end[row, 2] - moves.end[found[0], 2]) > STILL_MM):
-            yield from [(found, end)] * (2 < len(found) <= MOST_HOLES)
-            found = []
-        rest = inside[row + 1 :]
-        after = row + 1 + (len(rest) if rest.all() else int(np.argmin(rest)))
+    breaks = np.append(np.flatnonzero(~inside), len(moves))
+    cuts, found, end = np.isin(moves.kind, CUTTING), list[int](), 0
+    for row in [*np.flatnonzero(transfer).tolist(), -1]:
+        after = int(breaks[np.searchsorted(breaks, row + 1)])
         # a hole ends at the height that it began at, so that the next can be any other
-        level = after <= len(moves) and abs(moves.end[after - 1, 2] - moves.end[row, 2]) <= STILL_MM
-        if cuts[row + 1 : after].any() and level:
-            found, end = [*found, row], after
-        elif found:
+        level = row >= 0 and abs(moves.end[after - 1, 2] - moves.end[row, 2]) <= STILL_MM
+        hole = level and bool(cuts[row + 1 : after].any())
+        if found and not (hole and row == end):
             yield from [(found, end)] * (2 < len(found) <= MOST_HOLES)
             found = []
-    yield from [(found, end)] * (2 < len(found) <= MOST_HOLES)
+        if hole:
+            found.append(row)
+            end = after
 
 
 def tour_length(places: Floats, begin: Floats, leave: Floats | None) -> float:
@@ -212,10 +200,9 @@ def _changes(plan: Plan) -> Iterator[Advice]:
         seen.add(int(moves.tool[row]))
     if again:
         tools = ", ".join(f"T{n}" for n in dict.fromkeys(moves.tool[again].tolist()))
-        yield _named(
-            plan, float(plan.time[again].sum()), np.array(again),
-            f"one call of each tool: {tools} are called again in {len(again)} of the changes"
-            if "," in tools else
-            f"one call of each tool: {tools} is called again in {len(again)} of the changes",
+        yield _advice(
+            plan, moves, np.array(again),
+            f"one call of each tool: {len(again)} of the changes call again for {tools}",
             "the order of operations allows it; the way to the changer is not counted",
+            saved=float(plan.time[again].sum()),
         )  # fmt: skip

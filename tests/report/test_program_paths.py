@@ -192,9 +192,9 @@ def test_feed_over_time_shows_where_and_how_much_is_missing():
     )
     shown = timeline(program)
     first, second, rapid = np.split(np.arange(BINS), [BINS // 4, BINS // 2])
-    assert np.allclose(shown.share[first], 0.5) and np.allclose(shown.share[second], 1.0)
-    assert np.allclose(shown.reached[first], 500) and np.allclose(shown.programmed[second], 2000)
-    assert np.isnan(shown.share[rapid]).all() and set(shown.doing[rapid]) == {1}
+    assert np.allclose(shown.programmed[first], 1000) and np.allclose(shown.reached[first], 500)
+    assert np.allclose(shown.reached[second], shown.programmed[second])
+    assert np.isnan(shown.reached[rapid]).all() and set(shown.doing[rapid]) == {1}
     assert shown.tools == [(3, 0.0, 0.25), (7, 0.25, 1.0)]
 
 

@@ -102,7 +102,7 @@ def test_a_tool_that_is_called_twice_costs_its_change():
     _, advice = advice_on(writer.moves)
     one = only(advice, "one call")
     assert one.seconds == pytest.approx(truth().auxiliary.tool_change, abs=1e-3)
-    assert "T1 is called again in 1" in one.what
+    assert one.what.endswith("1 of the changes call again for T1")
 
 
 def test_a_wider_tolerance_is_the_same_program_at_twice_of_it():

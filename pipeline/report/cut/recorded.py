@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,44 +12,23 @@ from pipeline.charts.numbers import duration, number
 from pipeline.charts.sections import Section, present
 from pipeline.charts.sources import SourceRegistry
 from pipeline.charts.tables import Cell, Column, sources, tabulated
-from pipeline.report.cut.tables import figure, tool_words
+from pipeline.report.cut.tables import NONE, tool_words
 from pipeline.report.folders import MachineFolders
 from pipeline.report.programs.simulated import Program
 from pipeline.report.work import Work
 from pipeline.schema.arrays import Floats
 from pipeline.schema.days import day_of
-from pipeline.schema.program_cut import ProgramCut, ToolTotals
+from pipeline.schema.program_cut import ProgramCut
 from pipeline.schema.twin_state import MANIFEST, TwinState, day_path
 
-POWER = tuple(f"cutting_power_{part}" for part in ("estimated", "low", "high"))
-COLUMNS = ("program", "mode", "tool_number", *POWER)
+COLUMNS = ("program", "mode", "tool_number",
+           *(f"cutting_power_{part}" for part in ("estimated", "low", "high")))  # fmt: skip
 MADE_FROM = "the machine’s log, by the stage state"
-KW = 1e-3
-
-Band = tuple[float, float, float]
-"""Value and the ends of its 90 % interval."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PowerBeside:
-    """Mean power at the tool while it cuts [kW], predicted and as the log's load says it.
-
-    ``seconds`` are those of the log [s]; ``why`` says why they cannot be compared.
-    """
-
-    tool: ToolTotals
-    predicted: Band | None
-    recorded: Band | None
-    seconds: float = 0.0
-    why: str = ""
-
-    @property
-    def word(self) -> Cell:
-        """How the log's stands to the prediction's interval."""
-        if self.predicted is None or self.recorded is None:
-            return Cell(text=f"not comparable because {self.why}", status="unknown")
-        word = against(self.predicted[1:], self.recorded[1:])
-        return Cell(text=word, status="passed" if word == "within" else "attention")
+WHAT = (
+    "Mean power at the tool while it cuts. The log’s is its spindle load where the speed is "
+    "steady, less the power without a cut; that it ran this very text, the log does not say."
+)
+Row = tuple[str, str, str, str, str, str, Cell]
 
 
 def against(predicted: tuple[float, float], other: tuple[float, float]) -> str:
@@ -71,75 +49,70 @@ def recorded_section(
     if program.cut is None or not program.cut.by_tool:
         return None
     names = {one.lower() for one in (program.name, Path(program.summary.file).stem)}
-    state = folders.twin_state
     cycles = [one for one in work.cycles or [] if one.program.lower() in names]
     days = sorted({day_of(at, work.time_zone) for one in cycles for at in (one.start, one.end)})
-    found = None if state is None else shelf.read(state / MANIFEST, TwinState, MADE_FROM)
-    paths = [] if state is None else [day_path(state, d) for d in days if found and d in found.days]
-    tables = [t for path in paths if (t := shelf.table(path, COLUMNS, MADE_FROM)) is not None]
-    rows = _rows(tables, names)
-    why = "the machine’s log has not cut a program of this name"
+    folder, why = folders.twin_state, "the machine’s log has not cut a program of this name"
+    state = None if folder is None else shelf.read(folder / MANIFEST, TwinState, MADE_FROM)
+    paths = []
     if cycles:
-        said = [found.days[d].unknown.get("cutting_power", "") for d in days if d in found.days] \
-            if found else ["there is no state of the twin"]  # fmt: skip
+        days = [day for day in days if state and day in state.days]
+        paths = [] if folder is None else [day_path(folder, day) for day in days]
+        said = [state.days[day].unknown.get("cutting_power", "") for day in days] if state else []
         why = next(filter(None, said), "its load was steady nowhere in the cut")
-    made = list(_powers(program.cut, rows, found.period_s if found else 0.0, why))
+    tables = [t for path in paths if (t := shelf.table(path, COLUMNS, MADE_FROM)) is not None]
+    powers, period = _powers(tables, names), state.period_s if state else 0.0
     return Section(
-        key="recorded", title="Predicted load beside that of the log",
-        text=["Mean power at the tool while it cuts. The log’s is its spindle load where the speed "
-              "is steady, less the power without a cut; that it ran this very text, the log does "
-              "not say."],
-        blocks=present(tabulated("Power by tool, predicted and recorded", made, (
-            Column("Tool", lambda one: tool_words(one.tool)),
-            Column("predicted", lambda one: figure(one.predicted and one.predicted[0]), "kW"),
-            Column("90 % interval", lambda one: _range(one.predicted), "kW"),
-            Column("recorded", lambda one: figure(one.recorded and one.recorded[0]), "kW"),
-            Column("90 % interval", lambda one: _range(one.recorded), "kW"),
-            Column("over", lambda one: duration(one.seconds) if one.recorded else "–", ""),
-            Column("recorded is", lambda one: one.word),
-        ), [*program.sources(shelf)[0], *sources(shelf, *paths)])),
+        key="recorded", title="Predicted load beside that of the log", text=[WHAT],
+        blocks=present(tabulated(
+            "Power by tool, predicted and recorded",
+            list(_rows(program.cut, powers, period, why)), (
+                Column("Tool", lambda row: row[0]),
+                Column("mean", lambda row: row[1], "kW", "Predicted"),
+                Column("90 % interval", lambda row: row[2], "kW", "Predicted"),
+                Column("mean", lambda row: row[3], "kW", "Recorded"),
+                Column("90 % interval", lambda row: row[4], "kW", "Recorded"),
+                Column("over", lambda row: row[5], "", "Recorded"),
+                Column("recorded is", lambda row: row[6]),
+            ), [*program.sources(shelf)[0], *sources(shelf, *paths)],
+        )),
     )  # fmt: skip
 
 
-def _rows(tables: Sequence[pa.Table], names: Collection[str]) -> dict[int, Floats]:
-    """Power of the log's rows in which a program cuts, with the ends of its interval, by tool."""
+def _powers(tables: Sequence[pa.Table], names: Collection[str]) -> dict[int, Floats]:
+    """Power of the log's rows in which a program cuts, with its interval [kW], by tool; (N, 3)."""
     found: dict[int, list[list[float | None]]] = {}
     for table in tables:
-        program, mode = (table.column(name).cast(pa.string()) for name in ("program", "mode"))
+        program, mode = (table.column(name).cast(pa.string()) for name in COLUMNS[:2])
         own = pc.is_in(pc.utf8_lower(program), value_set=pa.array(sorted(names)))
         own = table.filter(pc.and_(own, pc.equal(mode, "cut")))
         for tool, *power in zip(*(own.column(one).to_pylist() for one in COLUMNS[2:]), strict=True):
-            digits = re.search(r"\d+", str(tool))
-            if digits:
+            if (digits := re.search(r"\d+", str(tool))) and None not in power:
                 found.setdefault(int(digits[0]), []).append(power)
-    known = {tool: np.array(rows, float) for tool, rows in found.items()}
-    return {tool: rows[np.isfinite(rows).all(axis=1)] for tool, rows in known.items()}
+    return {tool: 1e-3 * np.array(rows, float) for tool, rows in found.items()}
 
 
-def _powers(
-    cut: ProgramCut, rows: Mapping[int, Floats], period: float, why: str
-) -> Iterator[PowerBeside]:
+def _rows(cut: ProgramCut, powers: Mapping[int, Floats], period: float, why: str) -> Iterator[Row]:
     spread = {one.tool: one for one in cut.forces}
-    predicted: Band | None
     for tool in cut.by_tool:
-        blocks = [(b.power_kW, b.in_material_s) for b in cut.blocks if b.tool == tool.tool]
-        known = [(power, s) for power, s in blocks if power is not None and s]
-        force, said = spread.get(tool.tool), why
-        predicted = None
-        if known and force and force.mean_load_N and None not in (
-            force.mean_load_low_N, force.mean_load_high_N
-        ):  # fmt: skip
-            mean = sum(power * s for power, s in known) / sum(s for _, s in known)
-            ends = (force.mean_load_low_N or 0.0, force.mean_load_high_N or 0.0)
-            low, high = (mean * end / force.mean_load_N for end in ends)
-            predicted = mean, low, high
-        else:
-            said = "its predicted load has no interval"
-        of = rows.get(tool.tool, np.zeros((0, 3)))
-        power = tuple((of.mean(axis=0) * KW).tolist()) if len(of) else None
-        yield PowerBeside(tool=tool, predicted=predicted, recorded=power, why=said,
-                          seconds=len(of) * period)  # fmt: skip
-
-
-def _range(band: Band | None) -> str:
-    return "–" if band is None else f"{number(band[1])} to {number(band[2])}"
+        known = [(b.power_kW, b.in_material_s) for b in cut.blocks
+                 if b.tool == tool.tool and b.power_kW is not None and b.in_material_s]  # fmt: skip
+        mean = sum(p * s for p, s in known) / sum(s for _, s in known) if known else None
+        force, recorded = spread.get(tool.tool), powers.get(tool.tool)
+        ends = None
+        if mean is not None and force and force.mean_load_N:
+            shares = [None if end is None else end / force.mean_load_N
+                      for end in (force.mean_load_low_N, force.mean_load_high_N)]  # fmt: skip
+            if shares[0] is not None and shares[1] is not None:
+                ends = mean * shares[0], mean * shares[1]
+        lacking = why if recorded is None else "its predicted load has no interval"
+        word = Cell(text=f"not comparable because {lacking}", status="unknown")
+        of_log = NONE, NONE, NONE
+        if recorded is not None:
+            value, low, high = recorded.mean(axis=0).tolist()
+            over = duration(len(recorded) * period)
+            of_log = number(value), f"{number(low)} to {number(high)}", over
+            if ends is not None:
+                said = against(ends, (low, high))
+                word = Cell(text=said, status="passed" if said == "within" else "attention")
+        shown = NONE if ends is None else f"{number(ends[0])} to {number(ends[1])}"
+        yield (tool_words(tool), NONE if mean is None else number(mean), shown, *of_log, word)

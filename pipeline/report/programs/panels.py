@@ -97,7 +97,7 @@ def tool_spans(
 
 
 BINS = 240  # columns over the program's time
-TOP, FEED, SHARE, STRIP, GAP = 18, 150, 64, 14, 28  # px: head, heights of the bands, between them
+TOP, FEED, STRIP, GAP = 18, 150, 14, 28  # px: head, heights of the bands, between them
 SEEN = 0.05  # share of a column's time that must be cutting for a feed to be drawn
 DOING = ("s-cut", "s-rapid", "s-still")
 """CSS classes of cutting, rapids, and all else."""
@@ -137,8 +137,6 @@ class Timeline:
     programmed: np.ndarray
     reached: np.ndarray
     """Mean feed while cutting [mm/min]."""
-    share: np.ndarray
-    """Reached feed over programmed feed, 1 at most [1]."""
     doing: np.ndarray
     """Index into :data:`DOING` of what takes most of the column."""
     tools: list[tuple[int, float, float]]
@@ -161,13 +159,11 @@ def timeline(moves: ProgramMoves) -> Timeline | None:
 
     known = spent(both.astype(float))
     cut = np.where(known > SEEN * total / BINS, known, np.nan)
-    ratio = np.minimum(np.where(both, moves.reached / moves.programmed, 0.0), 1.0)
     cutting, rapid = spent(moves.cutting.astype(float)), spent(moves.rapid.astype(float))
     return Timeline(
         total=total,
         programmed=spent(np.where(both, moves.programmed, 0.0)) / cut,
         reached=spent(np.where(both, moves.reached, 0.0)) / cut,
-        share=spent(ratio) / cut,
         doing=np.argmax([cutting, rapid, total / BINS - cutting - rapid], axis=0),
         tools=_tools(moves.tool, end / total),
     )
@@ -182,14 +178,12 @@ def _tools(tool: np.ndarray, at: np.ndarray) -> list[tuple[int, float, float]]:
 
 
 def timeline_figure(shown: Timeline, classes: Classes, label: str) -> Markup:
-    """Three bands over the program's time: feed, how much of it is missing, what goes on."""
-    share_top = TOP + FEED + GAP
-    strip_top = share_top + SHARE + GAP
+    """Two bands over the program's time: feed, programmed and reached, and what goes on."""
+    strip_top = TOP + FEED + GAP
     bottom = strip_top + STRIP
     parts = [
         *clock(shown.total, TOP, bottom),
         *_feeds(shown, classes, TOP),
-        *_shortfall(shown, share_top),
         *_strip(shown, strip_top),
     ]
     return svg.figure(parts, height=bottom + 36, label=label, kind="golden")
@@ -210,15 +204,6 @@ def _feeds(shown: Timeline, classes: Classes, top: float) -> list[Markup]:
     level = svg.FULL * (1 - np.repeat(shown.programmed, 2) / high)
     line = svg.curve(WIDE * np.repeat(np.arange(BINS + 1), 2)[1:-1], level, "asked")
     return [*panel.frame(), panel.band([*columns, line], BINS)]
-
-
-def _shortfall(shown: Timeline, top: float) -> list[Markup]:
-    panel = Panel(head="Reached of the programmed feed, %", top=top, height=SHARE, most=100.0,
-                  marks=(0, 50, 100))  # fmt: skip
-    reached = 100 * shown.share
-    gap = panel.columns(reached, np.where(np.rint(10 * reached) < 1000, 100.0, np.nan), "s-lost")
-    met = panel.columns(np.zeros(BINS), np.where(reached > 0, reached, np.nan), "s-met")
-    return [*panel.frame(), panel.band([met, gap], BINS)]
 
 
 def _strip(shown: Timeline, top: float) -> list[Markup]:

@@ -347,7 +347,7 @@ def _timeline(program: Program, classes: Classes, files: list[Source]) -> Figure
     )
     return Figure(
         svg=panels.timeline_figure(shown, classes, words),
-        caption=f"{words}; below, what the axes fall short by, and which tool is in the spindle.",
+        caption=f"{words}; below, what goes on, and which tool is in the spindle.",
         sources=files,
     )
 
