@@ -26,7 +26,7 @@ from pipeline.report.records import source_of
 from pipeline.report.scorecard import Line, scorecard
 from pipeline.report.texts import Texts
 from pipeline.report.work import Day, Work
-from pipeline.schema.si import NS
+from pipeline.schema.si import DAY, NS
 
 MOST_ACTIONS = 5
 """Actions that stand on the page at once; the others open on demand."""
@@ -213,7 +213,7 @@ class Origin:
     every: float | None = None
     """Usual time between the ends of its files [s]; None for fewer than :data:`FEWEST_ENDS`."""
     late: float | None = None
-    """Time since its last record up to the newest of the machine [s], where it never was as long."""
+    """Time from its last record to the newest of the machine [s], where it never was as long."""
 
 
 def origins(facts: MachineFacts, log_name: str) -> list[Origin]:
@@ -223,7 +223,14 @@ def origins(facts: MachineFacts, log_name: str) -> list[Origin]:
         when = instant(read.last)
         stamp = None if when is None else when.timestamp()
         found.setdefault(source_of(name, read), []).append(stamp)
-    each = [_origin(name, ends, facts.records.newest) for name, ends in found.items()]
+    newest: dict[str, float] = {}
+    for name, ends in found.items():
+        kind = name.rpartition(" ")[2]
+        newest[kind] = max([newest.get(kind, 0.0), *(end for end in ends if end is not None)])
+    each = [
+        _origin(name, ends, facts.records.newest, newest[name.rpartition(" ")[2]])
+        for name, ends in found.items()
+    ]
     clocked = sorted(
         (one for one in each if one.last is not None), key=lambda one: -(one.last or 0)
     )
@@ -237,14 +244,19 @@ def origins(facts: MachineFacts, log_name: str) -> list[Origin]:
     return [*(log if end is not None else []), *clocked]
 
 
-def _origin(name: str, ends: list[float | None], newest: datetime | None) -> Origin:
-    """A source, with the time between its files and whether it is late by that."""
+def _origin(
+    name: str, ends: list[float | None], newest: datetime | None, newest_like: float
+) -> Origin:
+    """A source, with the time between its files and whether it is late by that.
+
+    ``newest_like`` is the last record of all sources of its format, which go on in its place.
+    """
     known = sorted({end for end in ends if end is not None})
     gaps = np.diff(known)
     last = known[-1] if known else None
-    if len(known) < FEWEST_ENDS or newest is None or last is None:
+    if len(known) < FEWEST_ENDS or newest is None or last is None or last - known[0] < DAY:
         return Origin(name=name, files=len(ends), last=last)
-    behind = newest.timestamp() - last
+    behind = newest.timestamp() - newest_like
     late = behind if behind > LATE * float(gaps.max()) else None
     return Origin(name=name, files=len(ends), last=last, every=float(np.median(gaps)), late=late)
 
