@@ -12,7 +12,6 @@ from pipeline.report.components import component_states
 from pipeline.report.facts import AT_MACHINE, NOW, ActionRow, MachineFacts, MachineVerdict, Status
 from pipeline.report.folders import MachineFolders
 from pipeline.report.texts import ENGLISH, Texts
-from pipeline.report.verdict import DUE
 from pipeline.schema.days import day_of, day_of_text
 from pipeline.schema.si import NS
 
@@ -48,11 +47,10 @@ class FleetRow:
         return next(iter(self.verdict.actions), None)
 
     @property
-    def urgency(self) -> tuple[int, int, int, str]:
-        """Order within a group: risk and deadline of the first action, number of actions, name."""
-        do = self.first
-        risk, due = (-do.risk, DUE.get(do.action.until, 1)) if do else (0, len(DUE))
-        return risk, due, -len(self.verdict.actions), self.folders.name
+    def urgency(self) -> tuple[int, bool, int, str]:
+        """Order within a group: risk of the first action, whether it is due now, number, name."""
+        risk, late = (self.first.risk, self.first.action.until == NOW) if self.first else (0, False)
+        return -risk, not late, -len(self.verdict.actions), self.folders.name
 
 
 @dataclass(frozen=True, kw_only=True)
