@@ -21,16 +21,16 @@ from pipeline.charts.tables import Column, Table, sources, tabulated
 from pipeline.parallel import mapped
 from pipeline.report import changes
 from pipeline.report.cut.page import cut_page
+from pipeline.report.cut.recorded import against, recorded_section
 from pipeline.report.cut.tables import NONE, figure, share
 from pipeline.report.evidence import evidence_pages
 from pipeline.report.facts import (
-    NOW,
-    ActionRow,
     MachineFacts,
     MachineVerdict,
     Status,
     machine_facts,
 )
+from pipeline.report.fleet_page import FleetRow, fleet_page, fleet_row
 from pipeline.report.folders import PROGRAMS, RECORDS, FleetInfo, MachineFolders, evidence_page
 from pipeline.report.lead_page import lead_page
 from pipeline.report.optimised import tables
@@ -44,106 +44,6 @@ from pipeline.report.verdict import machine_notes, machine_verdict
 from pipeline.schema.files import together
 from pipeline.schema.part import Side
 from pipeline.schema.store import write_json
-
-GROUPS = ("now", "maintenance", "twin", "other", "nothing", "unknown")
-"""Groups by their key in the texts, in the order of the page."""
-AT_MACHINE = ("maintenance", "tool room")
-MOST_NAMES = 12
-"""Machines that a credit names; the others are counted."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FleetRow:
-    """Row of a machine: its verdict, its first action, its group and the end of its records.
-
-    ``last_of`` are the sources that end there; empty without a clock.
-    """
-
-    folders: MachineFolders
-    verdict: MachineVerdict
-    group: str
-    last: str
-    last_of: str = ""
-
-    @property
-    def first(self) -> ActionRow | None:
-        """The action that comes first; None without any."""
-        return next(iter(self.verdict.actions), None)
-
-
-@dataclass(frozen=True, kw_only=True)
-class FleetGroup:
-    """Machines that need the same kind of attention."""
-
-    key: str
-    title: str
-    rows: list[FleetRow]
-
-
-@dataclass(frozen=True, kw_only=True)
-class FleetPage:
-    """Groups that have a machine, the fleet in a sentence, and whose records they are.
-
-    ``condition`` is a sentence where it is the same for all; each machine has its own without it.
-    """
-
-    groups: list[FleetGroup]
-    headline: str
-    condition: str
-    simulated: bool
-    credits: list[tuple[str, str]]
-
-
-def fleet_row(facts: MachineFacts, verdict: MachineVerdict, say: Texts) -> FleetRow:
-    """Line of one machine."""
-    records = facts.records
-    newest = records.newest
-    last = say("fleet.no_clock") if newest is None and records.files else say.moment(newest)
-    of = "" if newest is None else say(f"fleet.last_{'live' if records.last_live else 'all'}")
-    return FleetRow(
-        folders=facts.folders, verdict=verdict, group=group_of(verdict), last=last, last_of=of
-    )
-
-
-def group_of(verdict: MachineVerdict) -> str:
-    """Key of the group that a machine belongs to, by its most urgent action."""
-    actions = [row.action for row in verdict.actions]
-    if verdict.twin.status == "unknown" and all(one.who not in AT_MACHINE for one in actions):
-        return "unknown"
-    if any(one.until == NOW for one in actions):
-        return "now"
-    if any(one.who in AT_MACHINE for one in actions):
-        return "maintenance"
-    if verdict.twin.status in ("failed", "attention"):
-        return "twin"
-    return "other" if actions else "nothing"
-
-
-def fleet_page(rows: Sequence[FleetRow], say: Texts = ENGLISH) -> FleetPage:
-    """The fleet in groups; in each the machine with most to do first, then by name."""
-    ordered = sorted(rows, key=lambda row: (-len(row.verdict.actions), row.folders.name))
-    found = [
-        FleetGroup(key=key, title=say(f"fleet.group.{key}"),
-                   rows=[row for row in ordered if row.group == key])
-        for key in GROUPS
-    ]  # fmt: skip
-    groups = [group for group in found if group.rows]
-    parts = [say(f"fleet.in_group.{group.key}", count=len(group.rows)) for group in groups]
-    machines = say("fleet.machines", count=len(rows))
-    words = {row.verdict.condition.word for row in rows}
-    owners: dict[str, list[str]] = {}
-    for row in sorted(rows, key=lambda row: row.folders.name):
-        if row.folders.credit:
-            owners.setdefault(row.folders.credit, []).append(row.folders.name)
-    return FleetPage(
-        groups=groups,
-        headline=say("fleet.headline", machines=machines, groups=", ".join(parts))
-        if rows else say("fleet.none"),
-        condition=say("fleet.same_condition", condition=words.pop()) if len(words) == 1 else "",
-        simulated=bool(rows) and all(row.folders.origin == "simulated" for row in rows),
-        credits=[(say.some(names, MOST_NAMES), credit) for credit, names in owners.items()],
-    )  # fmt: skip
-
 
 LOADS_PARTS = "cutting"
 """Sub-model whose forces the predicted loads of optimised programs rest on."""
@@ -168,6 +68,9 @@ def machine_program_pages(facts: MachineFacts) -> Iterator[tuple[str, Standalone
         elif name in labels:
             program = written[labels[name]]
             page = cut_page(program, *program.sources(facts.shelf))
+            log = recorded_section(program, facts.folders, facts.work, facts.shelf)
+            *first, basis = page.sections
+            page = replace(page, sections=[*first, *([] if log is None else [log]), basis])
             beside = ((files[labels[name]], "Optimised"),)
         else:
             page = simulated_page(simulated[name], classes, facts.shelf, _assumed(facts))
@@ -250,6 +153,12 @@ def trial_table(parts: PartPrograms, shelf: SourceRegistry, part: PartProgram) -
          share(None if certainty is None else certainty.exceedance),
          f"{cut.after.above} of {cut.seeds}"),
     ]  # fmt: skip
+    peaks = {} if certainty is None else {one.share: one.load_N for one in certainty.peaks}
+    low, high = peaks.get(0.05), peaks.get(0.95)
+    if low is not None and high is not None:
+        mean = cut.after.peak_load_N.mean
+        rows.append(("Peak load, 90 % interval, N", NONE, NONE, f"{number(low)} to {number(high)}",
+                     against((low, high), (mean, mean))))  # fmt: skip
     most = "" if allowed is None else f"; allowed was at most {share(allowed)}"
     trial = [] if parts.trial is None else [parts.trial]
     return tabulated(

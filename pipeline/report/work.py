@@ -126,6 +126,11 @@ class Work:
         ]
 
     @property
+    def least_active(self) -> float:
+        """Running time from which a day counts as worked [s]; there is a day with records."""
+        return USUAL_SHARE * float(np.median([d.active for d in self.worked_days]))
+
+    @property
     def surprising_days(self) -> list[str]:
         """Missing days on a weekday that is usually worked."""
         return self.surprising(self.missing_days)
@@ -138,8 +143,7 @@ class Work:
         """
         if not self.worked_days:
             return []
-        least = USUAL_SHARE * float(np.median([d.active for d in self.worked_days]))
-        ran = Counter(_weekday(d.day) for d in self.worked_days if d.active >= least)
+        ran = Counter(_weekday(d.day) for d in self.worked_days if d.active >= self.least_active)
         lost = Counter(_weekday(d) for d in missing)
         return [d for d in missing if ran[_weekday(d)] >= lost[_weekday(d)]]
 
