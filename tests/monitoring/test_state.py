@@ -111,6 +111,40 @@ def test_friction_that_rises_shows_in_the_power_without_load() -> None:
         assert over[5:-5].all() == (share > 1) and over.any() == (share > 1)
 
 
+def test_the_load_of_a_run_up_and_the_rows_after_a_gap_are_no_power_without_load() -> None:
+    """Load and speed of a row may be a row apart: the run-up's load stands beside held speeds."""
+    n, up, gap = 600, 300, 450
+    rpm = np.where(np.arange(n) < up, 3000.0, 9000.0)
+    load = load_of(rpm, np.zeros(n))
+    load[up - 2 : up + 2] = 130.0
+    load[gap] = 130.0
+    free = {"spindle_speed": rpm, "spindle_load": load, "path_feedrate": np.zeros(n)}
+    rows = day_rows(free, "air")
+    rows = replace(rows, frame=rows.frame.drop(rows.frame.index[gap - 20 : gap]))
+    values, _ = day_state(rows, estimators())
+    known = np.isfinite(values["no_load_power_measured"])
+    assert known.sum() > 550 and np.nanmax(values["no_load_power_measured"]) < 1000
+    assert not known[gap - 20 : gap - 18].any(), "after a gap"
+
+
+def test_without_a_feed_a_cut_is_not_taken_for_friction() -> None:
+    rpm = np.full(400, 9000.0)
+    load = {"spindle_speed": rpm, "spindle_load": load_of(rpm, 3 * no_load(rpm))}
+    values, reasons = day_state(day_rows(load, "air"), estimators())
+    assert not np.isfinite(values["no_load_power_measured"]).any()
+    assert "no feed is logged" in reasons["no_load_power"]
+    assert (np.array(values["mode"]) == "air").all()
+    axes = {f"{axis}_feedrate": np.zeros(400) for axis in "xyz"}
+    values, _ = day_state(day_rows(load | axes, "air"), estimators())
+    assert np.isfinite(values["no_load_power_measured"]).any(), "no axis moves"
+
+
+def test_a_heavy_cut_in_a_warm_up_ends_it() -> None:
+    rows, _ = milling(1, 1000)
+    values, _ = day_state(day_rows(rows, "warm_up"), estimators())
+    assert (np.array(values["mode"]) == "cut").mean() > 0.9
+
+
 def test_what_the_no_load_power_drifts_by_on_training_days_widens_its_interval() -> None:
     rpm = np.full(500, 9000.0)
 
@@ -184,6 +218,8 @@ def test_a_tool_change_is_where_the_spindle_stands_about_the_new_number() -> Non
     unknown = day_rows(rows | {"spindle_speed": np.full(400, np.nan)}, "air").modes()
     assert MODES.index("tool_change") not in unknown, "whether it stands is not known"
     assert (day_rows(rows, "off").modes()[350:] == -1).all(), "a machine that is off has no mode"
+    silent = day_rows(rows | {"execution": np.full(400, None)}, "air").modes()
+    assert MODES.index("tool_change") not in silent, "whether a program runs is not known"
 
 
 def test_the_following_error_at_constant_feed_is_speed_over_loop_gain() -> None:
