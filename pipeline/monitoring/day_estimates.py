@@ -86,7 +86,7 @@ def inside(chosen: Bools, rows: int) -> Bools:
     >>> inside(np.array([False, True, True, True, False]), 1).tolist()
     [False, False, True, False, False]
     """
-    within: Bools = binary_erosion(chosen, np.ones(2 * rows + 1))
+    within: Bools = binary_erosion(chosen, np.ones(2 * rows + 1, dtype=np.bool_))
     return within
 
 
