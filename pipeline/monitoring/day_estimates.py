@@ -14,7 +14,7 @@ feed is e = v (1 - k_ff) / K_v (Sim2023).
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -47,6 +47,9 @@ STEADY = 0.02
 """Share by which a feed may differ from those beside it to count as constant [1]."""
 CUT, AIR, WARM_UP = (MODES.index(one) for one in ("cut", "air", "warm_up"))
 TEMPERATURE = "spindle_temperature"
+POWERS = ("no_load_power", "cutting_power", "tangential_force")
+SUBMODELS = {TEMPERATURE: "spindle"} | dict.fromkeys(POWERS, "cutting")
+"""Sub-models that quantities are estimated by."""
 Values = dict[str, Any]
 Reasons = dict[str, str]
 """Columns (T,) by name; for each quantity why it is not known where it is not."""
@@ -165,6 +168,8 @@ class Estimators:
     power: SpindlePower | None
     diameters: Mapping[int, float]
     """Diameters of the machine's tools by their number [m]."""
+    idle: Mapping[str, str] = field(default_factory=dict)
+    """Sub-models of the champion that do not serve, with the status of their verdict."""
 
 
 def day_state(rows: DayRows, given: Estimators) -> tuple[Values, Reasons]:
@@ -185,6 +190,9 @@ def day_state(rows: DayRows, given: Estimators) -> tuple[Values, Reasons]:
     ):  # fmt: skip
         values |= columns
         reasons |= why
+    for name in reasons:
+        if (one := SUBMODELS.get(name, "")) in given.idle:
+            reasons[name] = f"the champion’s {one} does not serve: {given.idle[one]}"
     values["spindle_steady"] = steady
     values["mode"] = pd.Categorical.from_codes(mode, pd.Index(MODES))
     return values, reasons
@@ -237,9 +245,9 @@ def spindle_powers(
     ``mode``: the log's own level, a low quantile of the loads at a speed, hides it where a speed is
     only cut at.  Without a feed, air is not told from a cut.
     """
-    power, names = given.power, ("no_load_power", "cutting_power", "tangential_force")
+    power = given.power
     if power is None:
-        return {}, dict.fromkeys(names, "no model with a no-load power serves")
+        return {}, dict.fromkeys(POWERS, "no model with a no-load power serves")
     load, feed = np.abs(rows.number("spindle_load")), np.abs(rows.number("path_feedrate"))
     if np.isnan(feed).all():
         feed = np.max([np.abs(rows.number(f"{axis}_feedrate")) for axis in AXES], axis=0)
@@ -268,7 +276,7 @@ def spindle_powers(
     no_tool = "no cut by a tool of a tool table" if np.isfinite(cutting).any() else f"{why}cuts"
     no_feed = "no feed is logged, without which turning free is not told from a cut"
     turns = no_feed if np.isnan(feed).all() else f"{why}turns free"
-    return values, dict(zip(names, (turns, f"{why}cuts", no_tool), strict=True))
+    return values, dict(zip(POWERS, (turns, f"{why}cuts", no_tool), strict=True))
 
 
 def with_drift(given: Estimators, days: Iterable[DayRows]) -> Estimators:

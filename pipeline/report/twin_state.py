@@ -88,7 +88,8 @@ def _strip(head: str, name: str, rows: pd.DataFrame, first: date, least: float) 
 
 
 def _text(state: TwinState) -> Iterator[str]:
-    served = ", ".join(f"{name} {status}" for name, status in state.submodels.items())
+    served = ", ".join(f"{name} {status}{', not used' * (name in state.idle)}"
+                       for name, status in state.submodels.items())  # fmt: skip
     yield f"What the champion’s models estimate beside what was measured ({served or 'none'})."
     if state.temperature_interval_unknown:
         yield f"Spindle temperature: {state.temperature_interval_unknown}."

@@ -1,5 +1,6 @@
 """State of the twin: forces, powers, temperatures and vibration that are known come back."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,9 +21,15 @@ from pipeline.monitoring.day_estimates import (
 from pipeline.monitoring.nightly import serving_models
 from pipeline.monitoring.recorded_state import _trend
 from pipeline.parameters import read_params
-from pipeline.schema.bundle import bundle_of, copy_bundle
+from pipeline.schema.bundle import (
+    Champion,
+    Champions,
+    bundle_of,
+    copy_bundle,
+    write_champions,
+)
 from pipeline.schema.model import Parameter
-from pipeline.schema.store import StoreError, read_json
+from pipeline.schema.store import StoreError, read_json, write_json
 from pipeline.schema.twin_state import (
     DAYS,
     MANIFEST,
@@ -34,6 +41,7 @@ from pipeline.schema.twin_state import (
     read_day,
     write_day,
 )
+from pipeline.schema.verdict import Verdict
 from pipeline.signals.wear_windows import WearWindows
 from pipeline.stages.__main__ import run
 from pipeline.submodels.cases import Records
@@ -326,7 +334,8 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     gone.write_bytes(b"of a day that is gone")
     with inside(root):
         folders = [f"data/{name}/{machine}" for name in ("champion", "raw", "signals", "clean")]
-        run(f"state@{machine}", *folders, "data/golden", f"data/twin_state/{machine}")
+        run(f"state@{machine}", folders[0], "champions.json", *folders[1:], "data/golden",
+            f"data/twin_state/{machine}")  # fmt: skip
     return root
 
 
@@ -358,6 +367,31 @@ def test_the_stage_writes_every_row_and_says_why_a_value_is_null(written: Path) 
     assert "two training days" in state.temperature_interval_unknown
     with pytest.raises(StoreError, match=r"2026-02-01\.parquet does not exist"):
         read_day(out, "2026-02-01")
+
+
+def test_a_submodel_that_does_not_serve_estimates_nothing(written: Path, tmp_path: Path) -> None:
+    root, machine = tmp_path / "project", bundled_project.MACHINE
+    shutil.copytree(written, root)
+    path = root / f"data/models/{machine}/spindle/verdict.json"
+    write_json(replace(read_json(path, Verdict), status="failed"), path)
+    bundle = bundle_of(path.parents[1], machine, ["spindle"])
+    copy_bundle(path.parents[1], bundle, root / f"data/champion/{machine}")
+    out = root / f"data/twin_state/{machine}"
+
+    def state() -> TwinState:
+        folders = [f"data/{name}/{machine}" for name in ("raw", "signals", "clean")]
+        with inside(root):
+            run(f"state@{machine}", f"data/champion/{machine}", "champions.json", *folders,
+                "data/golden", f"data/twin_state/{machine}")  # fmt: skip
+        return read_json(out / MANIFEST, TwinState)
+
+    found = state()
+    assert (found.submodels, found.idle) == ({"spindle": "failed"}, ("spindle",))
+    for day in found.days.values():
+        assert day.unknown["spindle_temperature"] == "the champion’s spindle does not serve: failed"
+    own = Champion(version=1, bundle=bundle.sha256, since="", by="", why="", serving=("spindle",))
+    write_champions(Champions(machines={machine: own}), root / "champions.json")
+    assert state().days[DRIFTS].known_s["spindle_temperature"] > 0, "somebody let it serve"
 
 
 def test_a_slow_fault_is_not_taken_for_the_truth(written: Path) -> None:
