@@ -176,9 +176,11 @@ def _noted(delivery: Delivery, ledger: Path) -> None:
 
 def email_text(incidents: Sequence[Incident], machine: str, at: float) -> str:
     """Message (RFC 5322) on incidents, without addresses: what, where, since when, what to do."""
-    acts = sum(one.severity == "act" for one in incidents)
+    acts, watched = (
+        sum(one.severity == wanted for one in incidents) for wanted in ("act", "watch")
+    )
     message = EmailMessage()
-    message["Subject"] = f"{machine}: {acts} to act on, {len(incidents) - acts} to watch"
+    message["Subject"] = f"{machine}: {acts} to act on, {watched} to watch"
     message["Date"] = format_datetime(datetime.fromtimestamp(at, UTC))
     message.set_content("\n\n".join(_paragraph(one) for one in incidents) or "No incident.",
                         cte="8bit")  # fmt: skip

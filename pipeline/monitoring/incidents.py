@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,17 +22,24 @@ from pipeline.monitoring.rules import (
 from pipeline.monitoring.usual import FOREST, Usual
 from pipeline.monitoring.windows import BREAK_S, Windows, dwell, windows_of
 from pipeline.schema.arrays import Floats, Ints
+from pipeline.schema.days import clock, zone_of
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.incident import Event, Incident, Monitor, Monitored, RuleState, Severity, Who
 from pipeline.schema.si import DAY, HOUR, MINUTE, NS
 from pipeline.schema.twin_state import TwinState
+from pipeline.signals.windows import read_state, state_days
 
 KEPT = 12
 """Events that an incident keeps: the first, and those of the greatest share of their limit."""
+CONTROL_TYPES = ("SYSTEM", "LOGIC_PROGRAM", "MOTION_PROGRAM", "COMMUNICATIONS")
+"""Types of conditions (MTConnect part 2) of a control; others are of a part of the machine."""
 PROGRAM_TYPES = ("MOTION_PROGRAM", "SYSTEM")
-"""Types of conditions (MTConnect part 2) that programs and operation cause."""
+"""Those that programs and operation cause."""
+BEFORE_S = 2.0
+"""Time before an alarm in which a program that it stopped ran last [s]."""
 PROGRAM_CHECK = "Program, offsets and operation before each of them; the control's manual."
 ALARM_CHECK = "What was done before each of them: axis, clamp, door, level; the control's manual."
+OPERATION_CHECK = "Set-up and operation; the machine if it comes while a program runs, too."
 EVIDENCE = ("load", "speed", "feed", "temperature", "temperature_estimated", "cutting_power")
 """Quantities beside an event: load [%], speed [rev/min], feed [mm/s], temperatures [°C], power
 [W]."""
@@ -195,7 +203,8 @@ def recurring(
     """Alarms of the control that recur: one incident a code, as long as it does.
 
     That is ``alarm_times`` within ``alarm_days``, or more minutes in seven days than in the seven
-    before.  An alarm that is open when the agent ends counts up to there.
+    before.  An alarm that is open when the agent ends counts up to there.  One of the control that
+    was never there while a program ran is of operation, a note.
     """
     table = pq.read_table(path) if path.exists() else None
     if table is None or not len(table):
@@ -204,11 +213,32 @@ def recurring(
                   for name in ("start", "end"))  # fmt: skip
     rows = table.select(["data_item", "level", "code", "message"]).to_pandas().fillna("")
     rows = rows.assign(start=start, end=np.where(np.isnan(end), start, end)).sort_values("start")
+    rows["run"] = _in_program(rows, path.parent)
     return [
-        _alarm_incident(group, conditions.get(str(item), ("", "")), identity, settings)
+        _alarm_incident(group, conditions.get(str(item), ("", "")), identity, settings,
+                        runs=bool(some["run"].any()))
         for (item, _, _), some in rows.groupby(["data_item", "code", "message"], sort=False)
         for group in _chains(some, settings)
-    ]
+    ]  # fmt: skip
+
+
+def _in_program(rows: pd.DataFrame, clean: Path) -> Any:
+    """Whether a program ran in each alarm or just before, or that is not known; shape (N,)."""
+    zone, spans = zone_of(clean), rows[["start", "end"]].to_numpy(np.int64)
+    spans = spans - np.array([round(BEFORE_S * NS), 0])
+    first, last = (clock(one, zone).astype("M8[ns]").astype("M8[D]").astype(str) for one in spans.T)
+    days = {day for a, b in zip(first, last, strict=True) for day in state_days(clean, a, b)}
+    parts = [np.zeros((3, 0), dtype=np.int64)]
+    for day in sorted(days):
+        table = read_state(clean, day).reindex(columns=["execution", "controller_mode"])
+        mode, execution = table["controller_mode"], table["execution"]
+        runs = (execution == "ACTIVE") & (mode.isna() | (mode == "AUTOMATIC"))
+        time = pd.DatetimeIndex(table.index).as_unit("ns").asi8
+        parts.append(np.stack([time, execution.notna(), runs]))
+    time, known, runs = np.concatenate(parts, axis=1)
+    a, b = np.searchsorted(time, spans[:, 0]), np.searchsorted(time, spans[:, 1], "right")
+    ran, seen = (np.append(0, np.cumsum(one)) for one in (runs, known))
+    return (ran[b] > ran[a]) | (seen[b] == seen[a])
 
 
 def _chains(rows: pd.DataFrame, settings: IncidentSettings) -> Iterator[pd.DataFrame]:
@@ -239,13 +269,17 @@ def _alarm_incident(
     condition: tuple[str, str],
     identity: MachineIdentity,
     settings: IncidentSettings,
+    *,
+    runs: bool,
 ) -> Incident:
     """Alarms of one code; a fault on several days is to act on, else it is to be watched."""
     where, kind = condition
     item, code, message = rows[["data_item", "code", "message"]].iloc[0]
     words, grew = f"{code} {message}".strip() or item, _grew(rows, settings)
     days = (rows["start"] // (DAY * NS)).nunique()
+    operation = kind in CONTROL_TYPES and not runs
     acts: Severity = "act" if days > 1 and (rows["level"] == "fault").any() else "watch"
+    acts = "note" if operation else acts
     component = f"{where} ({item})" if where else str(item)
     events = [
         Event(
@@ -258,13 +292,22 @@ def _alarm_incident(
     ]  # fmt: skip
     growth = "" if grew is None else f"; {grew[0]:.0f} min in a week after {grew[1]:.0f}"
     when = f"{days} days" if days > 1 else "one day"
-    by_program = kind in PROGRAM_TYPES
+    when += ", never while a program ran" * operation
+    who, check = _advice(kind, operation)
     return incident_of(
         events, identity, component=component, severity=acts,
         title=f"Alarm {words} comes again: {len(rows)} times on {when}{growth}",
-        check=PROGRAM_CHECK if by_program else ALARM_CHECK, key=f"alarm {words}",
-        who="process engineer" if by_program else "maintenance",
+        check=check, key=f"alarm {words}", who=who,
     )  # fmt: skip
+
+
+def _advice(kind: str, operation: bool) -> tuple[Who, str]:
+    """Who looks at an alarm of a type of condition, and at what."""
+    if operation:
+        return "operation", OPERATION_CHECK
+    if kind in PROGRAM_TYPES:
+        return "process engineer", PROGRAM_CHECK
+    return "maintenance", ALARM_CHECK
 
 
 def _text(time: int) -> str:

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 MONITOR, KNOWN_GOOD = "monitor.json", "known_good.parquet"
-Severity = Literal["act", "watch"]
-Who = Literal["maintenance", "tool room", "process engineer"]
+Severity = Literal["act", "watch", "note"]
+"""To act on, to watch, or to know of: what belongs to operation and says nothing of the machine."""
+Who = Literal["maintenance", "tool room", "process engineer", "operation"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -243,7 +243,8 @@ def alarms(folder: Path, *rows: tuple[str, str, str, float]) -> list[Incident]:
         "end": pd.to_datetime(end).as_unit("ns"),
     })  # fmt: skip
     frame.to_parquet(folder / "alarms.parquet")
-    return recurring(folder / "alarms.parquet", MILL, SETTINGS, {"x": ("Linear X", "POSITION")})
+    kinds = {"x": ("Linear X", "POSITION"), "s": ("Controller", "SYSTEM")}
+    return recurring(folder / "alarms.parquet", MILL, SETTINGS, kinds)
 
 
 def test_an_alarm_three_times_in_a_fortnight_is_an_incident_to_act_on(tmp_path: Path) -> None:
@@ -251,6 +252,35 @@ def test_an_alarm_three_times_in_a_fortnight_is_an_incident_to_act_on(tmp_path: 
     (one,) = alarms(tmp_path, *(("x", "fault", day, 2.0) for day in days))
     assert one.component == "Linear X (x)" and one.severity == "act" and one.count == 3
     assert "3 times on 3 days" in one.title and one.seconds == 360.0
+
+
+@pytest.mark.parametrize(
+    ("item", "execution", "mode", "severity"),
+    [("s", "STOPPED", "MANUAL", "note"), ("s", "ACTIVE", "MANUAL_DATA_INPUT", "note"),
+     ("s", "ACTIVE", "AUTOMATIC", "act"), ("s", "ACTIVE", None, "act"),
+     ("s", None, "MANUAL", "act"), ("x", "STOPPED", "MANUAL", "act")],
+)  # fmt: skip
+def test_an_alarm_of_the_control_that_never_comes_while_a_program_runs_is_of_operation(
+    tmp_path: Path, item: str, execution: str | None, mode: str | None, severity: str
+) -> None:
+    """The last alarm, of one second, stops what the machine does two seconds before."""
+    zone, days = "America/New_York", ("2026-01-05", "2026-01-08", "2026-01-09")
+    for k, day in enumerate(days):
+        time = pd.date_range(f"{day}T22:00", periods=600, freq="s", tz=zone)
+        rows = pd.DataFrame({"time": time.as_unit("ns"), "execution": "READY",
+                             "controller_mode": "AUTOMATIC"})  # fmt: skip
+        if k == 2:
+            rows.loc[:299, "execution"], rows.loc[:299, "controller_mode"] = execution, mode
+        if execution is None:
+            rows["execution"] = None
+        (tmp_path / "state").mkdir(exist_ok=True)
+        write_table(pa.Table.from_pandas(rows), tmp_path / "state" / f"{day}.parquet")
+    at = [f"{pd.Timestamp(f'{day}T22:05:01', tz=zone).tz_convert('UTC'):%Y-%m-%dT%H:%M:%S}"
+          for day in days]  # fmt: skip
+    (one,) = alarms(tmp_path, *((item, "fault", time, 1 / 60) for time in at))
+    assert one.severity == severity
+    assert ("never while a program ran" in one.title) == (severity == "note")
+    assert (one.who == "operation") == (severity == "note")
 
 
 def test_alarms_that_are_rare_or_of_another_item_do_not_recur(tmp_path: Path) -> None:
