@@ -105,4 +105,4 @@ def _since(found: "Monitored", day: str) -> "list[Incident]":
 
     if day and not is_day(day):
         raise ValueError(f"--since {day} is no day: write it as 2026-03-09")
-    return [one for one in found.incidents if one.end[:10] >= day]
+    return found.since(day)
