@@ -85,7 +85,8 @@ def deliver(
         to.say(f"{many(len(sent) - len(failed), 'incident')} delivered to {hook.place}, "
                f"{before} before, {len(failed)} not")  # fmt: skip
         for one in failed:
-            to.say(f"{one.incident}: not delivered in {many(one.attempts, 'attempt')}: {one.why}")
+            to.say(f"incident {one.incident} was not delivered in {many(one.attempts, 'attempt')}: "
+                   f"{one.why}; mend that, then run it again: it sends what is left")  # fmt: skip
     if failed:
         raise typer.Exit(FAILED)
 
