@@ -3,14 +3,14 @@
 The spectrum of a stable cut has lines at harmonics of the spindle's rotation n (runout) and of the
 tooth-passing frequency N n.  Chatter adds f_c and f_c +- m N n (quasi-periodic), or odd multiples
 of N n / 2 (period doubling): Insperger, Stepan, Bayly, Mann (2003), Multiple chatter frequencies in
-milling processes, J. Sound Vib. 262.  A line counts as one where the mean spectrum over segments stands out
-of the floor by more than chance allows, and of the flank of a line of the rotation, which a speed
-that wanders widens.  A structure that noise shakes has a narrow peak too, near the stability
-boundary a very narrow one; its envelope is Rayleigh's, <a^4> / <a^2>^2 = 2, that of a self-excited
-vibration is constant, 1 (kurtosis 3 and 1.5: Jacobsen, Andersen, Brincker 2007, Eliminating the
-influence of harmonic components in operational modal analysis, IMAC XXV).  A line with half of the
-energy (Bahtiyar, Sencer 2021, ASPE) is chatter below the midpoint of both, one with less of it
-below a quarter of the way.
+milling processes, J. Sound Vib. 262.  A line counts as one where the mean spectrum over segments
+stands out of the floor by more than chance allows, and of the flank of a line of the rotation,
+which a speed that wanders widens.  A structure that noise shakes has a narrow peak too, near the
+stability boundary a very narrow one; its envelope is Rayleigh's, <a^4> / <a^2>^2 = 2, that of a
+self-excited vibration is constant, 1 (kurtosis 3 and 1.5: Jacobsen, Andersen, Brincker 2007,
+Eliminating the influence of harmonic components in operational modal analysis, IMAC XXV).  A line
+with half of the energy (Bahtiyar, Sencer 2021, ASPE) is chatter below the midpoint of both, one
+with less of it below a quarter of the way.
 
 Stable speeds n = f_c / (N k): Delio, Tlusty, Smith (1992), Use of audio signals for chatter
 detection and control, J. Eng. Ind. 114.
