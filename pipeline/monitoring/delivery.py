@@ -48,8 +48,9 @@ class Webhook(Ranged, section="webhook"):
         super().__post_init__()
         try:
             parts = urlsplit(self.url)
-            right = parts.scheme in ("http", "https") and (parts.hostname or "").encode("idna")
-            right = right and parts.port != 0 and self.url.isascii() and " " not in self.url
+            host = (parts.hostname or "").encode("idna")
+            right = parts.scheme in ("http", "https") and host != b"" and parts.port != 0
+            right = right and self.url.isascii() and " " not in self.url
         except ValueError:  # a port that is no number, brackets that do not close, a long name
             right = False
         if not right:

@@ -27,7 +27,7 @@ from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.incident import Event, Incident, Monitor, Monitored, RuleState, Severity, Who
 from pipeline.schema.si import DAY, HOUR, MINUTE, NS
 from pipeline.schema.twin_state import TwinState
-from pipeline.signals.windows import read_state, state_days
+from pipeline.signals.windows import state_days
 
 KEPT = 12
 """Events that an incident keeps: the first, and those of the greatest share of their limit."""
@@ -252,13 +252,15 @@ def _in_program(rows: pd.DataFrame, clean: Path) -> Any:
     zone, spans = zone_of(clean), rows[["start", "end"]].to_numpy(np.int64)
     spans = spans - np.array([round(BEFORE_S * NS), 0])
     first, last = (clock(one, zone).astype("M8[ns]").astype("M8[D]").astype(str) for one in spans.T)
-    days = {day for a, b in zip(first, last, strict=True) for day in state_days(clean, a, b)}
+    days, names = np.array(state_days(clean), dtype=str), ["time", "execution", "controller_mode"]
     parts = [np.zeros((3, 0), dtype=np.int64)]
-    for day in sorted(days):
-        table = read_state(clean, day).reindex(columns=["execution", "controller_mode"])
+    for day in days[[bool(((first <= day) & (day <= last)).any()) for day in days]]:
+        path = clean / "state" / f"{day}.parquet"
+        there = [name for name in names if name in pq.read_schema(path).names]
+        table = pq.read_table(path, columns=there).to_pandas().reindex(columns=names)
         mode, execution = table["controller_mode"], table["execution"]
         runs = (execution == "ACTIVE") & (mode.isna() | (mode == "AUTOMATIC"))
-        time = pd.DatetimeIndex(table.index).as_unit("ns").asi8
+        time = pd.DatetimeIndex(table["time"]).as_unit("ns").asi8
         parts.append(np.stack([time, execution.notna(), runs]))
     time, known, runs = np.concatenate(parts, axis=1)
     a, b = np.searchsorted(time, spans[:, 0]), np.searchsorted(time, spans[:, 1], "right")
@@ -322,12 +324,12 @@ def _alarm_incident(
     longest = float((rows["end"] - rows["start"]).max()) / NS
     stood = f"{longest:.0f} s" if longest < MINUTE else f"{longest / MINUTE:.0f} min"
     check = CHECKS.get("operation" if operation else kind, OTHER_CHECK)
-    who: Who = "process engineer" if kind in PROGRAM_TYPES else "maintenance"
+    who: Who = "process engineer" if operation or kind in PROGRAM_TYPES else "maintenance"
     return incident_of(
         events, identity, component=component, severity=acts,
         title=f"Alarm {words} comes again: {len(rows)} times on {when}{growth}",
         check=f"{component}, {words}, up to {stood}: {check}", key=f"alarm {words}",
-        who="operation" if operation else who,
+        who=who,
     )  # fmt: skip
 
 

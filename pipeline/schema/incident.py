@@ -9,7 +9,7 @@ from pipeline.schema.days import UTC, day_of_text
 MONITOR, KNOWN_GOOD = "monitor.json", "known_good.parquet"
 Severity = Literal["act", "watch", "note"]
 """To act on, to watch, or to know of: what belongs to operation and says nothing of the machine."""
-Who = Literal["maintenance", "tool room", "process engineer", "operation"]
+Who = Literal["maintenance", "tool room", "process engineer"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -284,7 +284,7 @@ def test_an_alarm_of_the_control_that_never_comes_while_a_program_runs_is_of_ope
     (one,) = alarms(tmp_path, *((item, "fault", time, 1 / 60) for time in at))
     assert one.severity == severity
     assert ("never while a program ran" in one.title) == (severity == "note")
-    assert (one.who == "operation") == (severity == "note")
+    assert (one.who == "maintenance") == (item == "x")
 
 
 def test_days_are_those_of_the_plant(tmp_path: Path) -> None:
