@@ -111,7 +111,8 @@ def _week(state: TwinState, folders: MachineFolders, shelf: SourceRegistry) -> F
 
 
 def _text(state: TwinState) -> Iterator[str]:
-    served = ", ".join(f"{name} {status}" for name, status in state.submodels.items())
+    served = ", ".join(f"{name} {status}{', not used' * (name in state.idle)}"
+                       for name, status in state.submodels.items())  # fmt: skip
     yield f"What the champion’s models estimate beside what was measured ({served or 'none'})."
     if state.temperature_interval_unknown:
         yield f"Spindle temperature: {state.temperature_interval_unknown}."
