@@ -11,7 +11,7 @@ from markupsafe import Markup
 from pipeline.charts.bands import Axis, Block, Strip, strips_figure
 from pipeline.charts.sections import Figure, Figures, Section, drawing, present
 from pipeline.charts.tables import Cell, Column, sources, tabulated
-from pipeline.report.alarms import Alarm
+from pipeline.report.alarms import Alarm, no_alarms
 from pipeline.report.components import KEYS, component_of, weeks_worked
 from pipeline.report.condition import MOST_WEEKS, week_sources
 from pipeline.report.facts import MachineFacts
@@ -32,7 +32,7 @@ LEAST_SHARE = 0.1
 """Share of a step that must be known."""
 STOPS = 3
 """Stops, and alarms, that are named."""
-SHOWN_CONDITIONS = 8
+SHOWN_CONDITIONS = 6
 """Quantities over twelve weeks, those beyond a line first."""
 STOPPED = ("FEED_HOLD", "INTERRUPTED", "STOPPED", "PROGRAM_STOPPED", "OPTIONAL_STOP")
 
@@ -82,7 +82,7 @@ def _states(facts: MachineFacts, days: Sequence[str], say: Texts) -> Strip:
     for k, day in enumerate(days):
         runs = by[day].runs if day in by else [(NO_RECORD, 0, DAY // BIN)]
         for state, start, end in runs:
-            kind, words = state_class(state), state
+            kind, words = state_class(state), _state(state, say)
             if state == NO_RECORD:
                 kind, words = ("s-none", "week.lost") if day in missing else ("s-off", "week.off")
                 words = say(words)
@@ -91,6 +91,12 @@ def _states(facts: MachineFacts, days: Sequence[str], say: Texts) -> Strip:
             x = (k + place * BIN / DAY for place in (start, end))
             blocks.append(Block(kind=kind, start=next(x), end=next(x), words=said))
     return Strip(head=say("week.states"), height=16.0, blocks=blocks)
+
+
+def _state(state: str, say: Texts) -> str:
+    """An execution state in words; itself where it is none of MTConnect's."""
+    key = f"week.{state_class(state).removeprefix('s-')}"
+    return say(key) if say.has(key) else state
 
 
 def _curves(facts: MachineFacts, rows: pd.DataFrame, first: date, say: Texts) -> Iterator[Strip]:
@@ -181,7 +187,8 @@ def weeks_section(facts: MachineFacts, say: Texts) -> Section | None:
         return None
     order = {"act": 0, "watch": 1, "fine": 2, "not assessed": 3}
     lined = [one for one in facts.weeks[-1].conditions if one.state in order and one.value]
-    chosen = sorted(lined, key=lambda one: order[one.state])[:SHOWN_CONDITIONS]
+    chosen = sorted(lined, key=lambda one: (order[one.state], one.kind == "cycle_time"))
+    chosen = chosen[:SHOWN_CONDITIONS]
     made = week_sources(facts.folders, facts.shelf, facts.weeks)
     figures = [
         Figure(svg=_small(facts, one), caption=_small_words(facts, one, say), sources=made,
@@ -189,11 +196,10 @@ def weeks_section(facts: MachineFacts, say: Texts) -> Section | None:
                status_words=say(f"component.{one.state.replace(' ', '_')}"))
         for one in chosen
     ]  # fmt: skip
-    text = [say("weeks.kept", count=len(facts.weeks), all=MOST_WEEKS)]
     if not figures:
         return None
-    return Section(key="weeks", title=say("weeks.title"), text=text,
-                   blocks=[Figures(figures=figures, kind="small")])  # fmt: skip
+    title = say("weeks.title", count=len(facts.weeks), all=MOST_WEEKS)
+    return Section(key="weeks", title=title, blocks=[Figures(figures=figures, kind="small")])
 
 
 LOOKS = {"act": "failed", "watch": "attention", "fine": "passed", "not assessed": "unknown"}
@@ -217,7 +223,7 @@ def _small(facts: MachineFacts, one: Condition) -> Markup:
     lines = [line for line in (one.alert, one.alarm) if line is not None]
     x = np.arange(MOST_WEEKS, dtype=float)
     strip = Strip(
-        head="", height=40.0, curves=[("measured", x, values)], levels=lines,
+        head="", height=28.0, curves=[("measured", x, values)], levels=lines,
         dots=[("p-passed", x[-1:], values[-1:])], zero=True,
     )  # fmt: skip
     return strips_figure([strip], weeks, f"{one.component}, {one.what}", kind="week-small")
@@ -263,7 +269,8 @@ def time_section(facts: MachineFacts, say: Texts) -> Section:
     made = sources(facts.shelf, *facts.work.state_files)
     uses = tabulated(say("time.table", count=len(days[-1])), rows, _use_columns(say), made)
     stops = sorted(_stops(days[-1]), key=lambda one: (-one[2], one[0].day, one[1]))[:STOPS]
-    named = tabulated(say("time.stops"), stops, _stop_columns(facts, say), made)
+    named = tabulated(say("time.stops"), stops, _stop_columns(facts, say), made,
+                      folded=True)  # fmt: skip
     return Section(key="time", title=say("time.title"), blocks=present(uses, named))
 
 
@@ -328,7 +335,7 @@ def _stop_columns(facts: MachineFacts, say: Texts) -> tuple[Column[Stop], ...]:
     return (
         Column(say("time.since"), lambda one: say.moment(at(one))),
         Column(say("time.length"), lambda one: say.duration(one[2] * BIN), ""),
-        Column(say("time.state"), lambda one: one[3]),
+        Column(say("time.state"), lambda one: _state(one[3], say)),
         Column(say("time.program"), program),
         Column(say("time.alarm"), alarm),
     )
@@ -337,9 +344,9 @@ def _stop_columns(facts: MachineFacts, say: Texts) -> tuple[Column[Stop], ...]:
 def alarms_of_week(facts: MachineFacts, say: Texts) -> Section | None:
     """Alarms with most minutes and most often in the week, beside the week before."""
     weeks = weeks_worked(facts)
-    if not facts.alarms.watched and not facts.alarms.alarms:
-        return None
-    now, before = (alarms_in(facts, week) if week else [] for week in ["", *weeks][-1:-3:-1])
+    if not facts.alarms.alarms:
+        return no_alarms(facts.alarms, say)
+    now, before = (alarms_in(facts, week) if week else [] for week in ["", "", *weeks][-1:-3:-1])
     kinds: dict[tuple[str, str], list[Alarm]] = {}
     for one in now:
         kinds.setdefault((one.level, one.text or one.item), []).append(one)
@@ -348,9 +355,12 @@ def alarms_of_week(facts: MachineFacts, say: Texts) -> Section | None:
     rows = [(kind, kinds[kind], [a for a in before if (a.level, a.text or a.item) == kind])
             for kind in dict.fromkeys([*most, *often])]  # fmt: skip
     made = sources(facts.shelf, facts.folders.clean / "alarms.parquet")
+    still = [say("alarms.still", count=sum(a.ended == "open" for a in facts.alarms.alarms))]
+    if not any(one.ended == "open" for one in facts.alarms.alarms):
+        still = []
     table = tabulated(say("alarms.of_week", count=len(now)), rows, _alarm_columns(say), made)
     return Section(key="alarms", title=say("alarms.title"), blocks=present(table),
-                   text=[] if rows else [say("alarms.no_week")])  # fmt: skip
+                   text=[*([] if rows else [say("alarms.no_week")]), *still])  # fmt: skip
 
 
 AlarmRow = tuple[tuple[str, str], list[Alarm], list[Alarm]]
