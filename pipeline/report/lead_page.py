@@ -1,6 +1,5 @@
 """Page of one machine for its maintenance lead: its week, what to do, what the twin is good for."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 
@@ -10,7 +9,6 @@ from markupsafe import Markup
 from pipeline.charts.numbers import instant
 from pipeline.charts.sections import Section, present
 from pipeline.charts.tables import Cell, Column, Table, sources, tabulated
-from pipeline.report.alarms import lead_alarms
 from pipeline.report.changes import Change, columns
 from pipeline.report.components import (
     ComponentState,
@@ -25,12 +23,12 @@ from pipeline.report.folders import MachineFolders, evidence_page
 from pipeline.report.records import source_of
 from pipeline.report.scorecard import Line, scorecard
 from pipeline.report.texts import Texts
-from pipeline.report.work import Day, Work
+from pipeline.report.week import alarms_of_week, time_section, week_section, weeks_section
 from pipeline.schema.si import DAY, NS
 
 MOST_ACTIONS = 5
 """Actions that stand on the page at once; the others open on demand."""
-MOST_CHANGES = 6
+MOST_CHANGES = 4
 """Changes on the page; all of them are on that of the records."""
 
 
@@ -73,8 +71,8 @@ def lead_page(
     name = facts.folders.name
     components = component_states(facts, say)
     shown = [row for row in verdict.actions if not row.engineers][:MOST_ACTIONS]
-    first = [*(page.lead for page in facts.pages), lead_alarms(facts.alarms, say),
-             _time(facts, say)]  # fmt: skip
+    first = [weeks_section(facts, say), time_section(facts, say), alarms_of_week(facts, say),
+             *(page.lead for page in facts.pages)]  # fmt: skip
     second = [drift_section(facts, say), _changes(changes, why_none, since, say),
               _last_records(facts, say)]  # fmt: skip
     return LeadPage(
@@ -86,6 +84,7 @@ def lead_page(
         shown=shown,
         folded=[row for row in verdict.actions if row not in shown],
         scorecard=scorecard(facts, say),
+        week=week_section(facts, say),
         first=[section for section in first if section is not None],
         sections=[section for section in second if section is not None],
         pages=[(evidence_page(name, one.subject), one.title) for one in evidence],
@@ -122,79 +121,7 @@ def _changes(changes: list[Change], why_none: str, since: str, say: Texts) -> Se
     )
 
 
-def _time(facts: MachineFacts, say: Texts) -> Section:
-    table = time_use_table(facts.work, say)
-    return Section(key="time", title=say("time.title"), text=[] if table else [say("time.none")],
-                   blocks=present(table))  # fmt: skip
-
-
-KINDS = ("cut", "air", "warm_up")
-"""Kinds of segment, by their key in the texts."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Use:
-    """Use of the time: its name, its seconds, the whole that it is a share of."""
-
-    name: str
-    seconds: float | None
-    whole: float | None
-    formula: str
-
-
-def use_columns(say: Texts) -> tuple[Column[Use], ...]:
-    """Columns of the table."""
-    return (
-        Column(say("time.use"), lambda use: use.name),
-        Column(say("time.total"), lambda use: say.hours(use.seconds), "h"),
-        Column(say("time.share"), lambda use: say.percent(use.seconds, use.whole), ""),
-        Column(say("time.formula"), lambda use: use.formula),
-    )
-
-
-def time_use_table(done: Work, say: Texts) -> Table | None:
-    """Totals over all days with records; None without any."""
-    days = done.worked_days
-    if not days:
-        return None
-    first, last = days[0].day, days[-1].day
-    caption = say(
-        "time.table", days=say("time.days", count=len(days)),
-        first=say.day(first, year=first[:4] != last[:4]), last=say.day(last, year=True),
-    )  # fmt: skip
-    return tabulated(
-        caption, uses(days, say), use_columns(say), sources(done.shelf, *done.state_files)
-    )
-
-
-def uses(days: Sequence[Day], say: Texts) -> list[Use]:
-    """Recorded time, its execution states, and what the segments of programs say of it."""
-    known = sum(d.known for d in days)
-
-    def use(key: str, seconds: float | None, whole: float | None, formula: str = "") -> Use:
-        words = formula or say(f"time.{key}_as")
-        return Use(name=say(f"time.{key}"), seconds=seconds, whole=whole, formula=words)
-
-    found = [
-        use("recorded", known, sum(sum(d.seconds.values()) for d in days)),
-        use("active", sum(d.active for d in days), known),
-        use("stopped", sum(d.stopped for d in days), known),
-        use("running", _sum(days, lambda d: d.running), _sum(days, lambda d: d.speed_known)),
-    ]
-    if any(d.kinds for d in days):
-        of_kinds = {kind: sum(d.kinds.get(kind, 0.0) for d in days) for kind in KINDS}
-        whole, each = sum(of_kinds.values()), say("time.segment_as")
-        segments = [use(k, seconds, whole, each) for k, seconds in of_kinds.items() if seconds]
-        found += [use("segments", whole, known), *segments]
-    return [one for one in found if one.seconds is not None]
-
-
-def _sum(days: Sequence[Day], of: Callable[[Day], float | None]) -> float | None:
-    known = [value for day in days if (value := of(day)) is not None]
-    return sum(known) if known else None
-
-
-MOST_SOURCES = 8
+MOST_SOURCES = 6
 FEWEST_ENDS = 4
 """Ends of files from which on the time between them is a habit."""
 LATE = 1.5
@@ -270,7 +197,7 @@ def origin_columns(say: Texts) -> tuple[Column[Origin], ...]:
             say.moment(None if one.last is None else int(one.last * NS))
         )),
         Column(say("last.every"), lambda one: (
-            "–" if one.every is None else say("last.each", duration=say.duration(one.every))
+            "–" if one.every is None else say("last.each", hours=say.number(one.every / 3600, 2))
         )),
         Column(say("last.state"), lambda one: _state(one, say)),
     )  # fmt: skip

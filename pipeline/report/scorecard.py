@@ -285,7 +285,7 @@ def counting_figure(one: ModelledPart, say: Texts) -> Counts:
                      error=worst.words, place=_place(score.group, say)),
             value=worst.shown, limit=worst.limit_shown, baseline=beside,
             interval=_interval(verdict, say, score), passed_limit=worst.value > worst.limit,
-            worse=_also(_bias(worst, say), _worse(worse_elsewhere(verdict, worst), score, say)),
+            worse=_also(_bias(worst, say), _worse(worse_elsewhere(verdict, worst), say)),
         )  # fmt: skip
     interval = "" if verdict is None else _interval(verdict, say)
     if not one.page.key_figures or verdict is None:
@@ -309,15 +309,9 @@ def _bias(worst: WorstError, say: Texts) -> str:
     return say("score.bias", value=f"{'+' if bias > 0 else MINUS}{size}")
 
 
-def _worse(found: WorstError | None, shown: Score, say: Texts) -> str:
-    """An error that is larger than the one shown, with its records; empty without one."""
-    if found is None:
-        return ""
-    one = found.score
-    where = [_place(one.group, say), say(f"score.{one.role}")]
-    if one.regime and one.regime != shown.regime:
-        where.append(say.given(one.regime))
-    return say("score.worse", value=found.shown, where=", ".join(where))
+def _worse(found: WorstError | None, say: Texts) -> str:
+    """An error that is larger than the one shown, on other records; empty without one."""
+    return "" if found is None else say("score.worse", value=found.shown)
 
 
 def _place(group: str, say: Texts) -> str:
