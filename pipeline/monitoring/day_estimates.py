@@ -84,11 +84,7 @@ def spindle_power(serving: ServingModel | None) -> SpindlePower | None:
 
 
 def inside(chosen: Bools, rows: int) -> Bools:
-    """Whether a row is chosen and as many ``rows`` before and after it; shape (T,).
-
-    >>> inside(np.array([False, True, True, True, False]), 1).tolist()
-    [False, False, True, False, False]
-    """
+    """Whether a row is chosen and as many ``rows`` before and after it; shape (T,)."""
     within: Bools = binary_erosion(chosen, np.ones(2 * rows + 1, dtype=np.bool_))
     return within
 
@@ -178,9 +174,8 @@ def day_state(rows: DayRows, given: Estimators) -> tuple[Values, Reasons]:
     A run-up, tapping, a spindle that stands and a cut are told by ``mode`` and ``spindle_steady``.
     """
     mode = rows.modes()
-    steady = rows.steady_spindle(
-        (given.power.records if given.power else SpindleLoadRecords).settle_s
-    )
+    records = given.power.records if given.power else SpindleLoadRecords
+    steady = rows.steady_spindle(records.settle_s)
     values: Values = {name: rows.number(name) if unit else rows.frame[name]
                       for name, unit in CONTEXT.items() if name in rows.frame}  # fmt: skip
     powers = spindle_powers(rows, given, steady, mode)
