@@ -227,7 +227,7 @@ def test_a_figure_that_is_worse_on_other_records_stands_beside_the_one_that_deci
     folders = machine(tmp_path, "m", days=4)
     write_report([folders], FLEET, None, tmp_path / "out")
     page = tmp_path / "out" / "m.html"
-    said = "0.900 K of 2 K spindle temperature, mean error, on Thu 7 Mar (elsewhere up "
+    said = "0.900 K of 2 K on Thu 7 Mar (elsewhere up "
     assert f"{said}to 1.20 K)" in words(page)
 
 
