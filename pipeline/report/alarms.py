@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.charts.sections import Section, present
 from pipeline.charts.sources import SourceRegistry
-from pipeline.charts.tables import MOST_ROWS, Cell, Column, code, sources, tabulated
+from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources, tabulated
 from pipeline.report.folders import MachineFolders
 from pipeline.report.records import CLEANED, components, nanoseconds
 from pipeline.report.texts import ENGLISH, Texts
@@ -151,24 +151,29 @@ def _place(one: Alarm, say: Texts) -> Cell | str:
 def alarms_section(alarms: Alarms, say: Texts = ENGLISH) -> Section | None:
     """Section on the alarms; nothing of a machine whose records hold no conditions."""
     if not alarms.alarms:
-        return _none(alarms, say)
+        return no_alarms(alarms, say)
     made = sources(alarms.shelf, alarms.folders.clean / "alarms.parquet")
     each = tabulated(say("alarms.each"), alarms.alarms[::-1], columns(say), made, most=MOST_ROWS,
                      folded=True)  # fmt: skip
-    kinds, caption = alarms.kinds, say("alarms.all_kinds")
-    if len(kinds) > MOST_ON_RECORDS:
-        shown = {"shown": MOST_ON_RECORDS, "count": len(kinds)}
-        caption = say("alarms.shown", caption=caption, **shown)
-    same = tabulated(caption, kinds[:MOST_ON_RECORDS], kind_columns(say), made)
+    kinds = _kinds(alarms, "alarms.all_kinds", MOST_ON_RECORDS, say)
     return Section(key="alarms", title=say("alarms.title"), text=[_words(alarms.alarms, say)],
-                   blocks=present(same, each))  # fmt: skip
+                   blocks=present(kinds, each))  # fmt: skip
 
 
-def _none(found: Alarms, say: Texts) -> Section | None:
+def no_alarms(found: Alarms, say: Texts) -> Section | None:
+    """Section of a machine without alarms; None where its records hold no conditions."""
     if not found.watched:
         return None
     said = say("alarms.none", count=len(found.watched))
     return Section(key="alarms", title=say("alarms.title"), text=[said])
+
+
+def _kinds(found: Alarms, caption: str, most: int, say: Texts) -> Table | None:
+    kinds, words = found.kinds, say(caption)
+    if len(kinds) > most:
+        words = say("alarms.shown", caption=words, shown=most, count=len(kinds))
+    made = sources(found.shelf, found.folders.clean / "alarms.parquet")
+    return tabulated(words, kinds[:most], kind_columns(say), made)
 
 
 def _words(alarms: list[Alarm], say: Texts) -> str:

@@ -12,7 +12,7 @@ from pipeline.charts.bands import Axis, Block, Strip, strips_figure
 from pipeline.charts.numbers import signed, tenths
 from pipeline.charts.sections import Figure, Figures, Section, drawing, present
 from pipeline.charts.tables import Cell, Column, code, sources, tabulated
-from pipeline.report.alarms import Alarm
+from pipeline.report.alarms import Alarm, no_alarms
 from pipeline.report.components import KEYS, component_of, weeks_worked
 from pipeline.report.condition import MOST_WEEKS, week_sources
 from pipeline.report.facts import MachineFacts
@@ -107,7 +107,7 @@ def _states(facts: MachineFacts, days: Sequence[str], say: Texts) -> Strip:
     for k, day in enumerate(days):
         runs = by[day].runs if day in by else [(NO_RECORD, 0, DAY // BIN)]
         for state, start, end in runs if day <= max(ends) else []:
-            kind, words = state_class(state), state
+            kind, words = state_class(state), _state(state, say)
             if state == NO_RECORD:
                 kind, words = ("s-none", "week.lost") if day in missing else ("s-off", "week.off")
                 words = say(words)
@@ -116,6 +116,12 @@ def _states(facts: MachineFacts, days: Sequence[str], say: Texts) -> Strip:
             x = (k + place * BIN / DAY for place in (start, end))
             blocks.append(Block(kind=kind, start=next(x), end=next(x), words=said))
     return Strip(head=say("week.states"), height=16.0, blocks=blocks)
+
+
+def _state(state: str, say: Texts) -> str:
+    """An execution state in words; itself where it is none of MTConnect's."""
+    key = f"week.{state_class(state).removeprefix('s-')}"
+    return say(key) if say.has(key) and key != "week.other" else state
 
 
 def _curves(facts: MachineFacts, rows: pd.DataFrame, first: date, say: Texts) -> Iterator[Strip]:
@@ -380,7 +386,7 @@ def _stop_columns(facts: MachineFacts, say: Texts) -> tuple[Column[Stop], ...]:
     return (
         Column(say("time.since"), lambda one: say.moment(one.start)),
         Column(say("time.length"), lambda one: say.duration((one.end - one.start) / NS), ""),
-        Column(say("time.state"), lambda one: one.state),
+        Column(say("time.state"), lambda one: _state(one.state, say)),
         Column(say("time.program"), program),
         Column(say("time.alarm"), alarm),
     )
@@ -388,8 +394,8 @@ def _stop_columns(facts: MachineFacts, say: Texts) -> tuple[Column[Stop], ...]:
 
 def alarms_of_week(facts: MachineFacts, say: Texts) -> Section | None:
     """Alarms with most minutes and most often in the week, beside the week before."""
-    if not facts.alarms.watched and not facts.alarms.alarms:
-        return None
+    if not facts.alarms.alarms:
+        return no_alarms(facts.alarms, say)
     zone = facts.work.time_zone
     weeks = weeks_worked(facts) or sorted(
         {week_of(day_of(one.start, zone)) for one in facts.alarms.alarms}
@@ -406,9 +412,11 @@ def alarms_of_week(facts: MachineFacts, say: Texts) -> Section | None:
     rows = [*most, *(row for row in often if row not in most)]
     made = sources(facts.shelf, facts.folders.clean / "alarms.parquet")
     caption = say("alarms.of_week", count=sum(len(row[1][0]) for row in now))
+    still = sum(one.ended == "open" for one in facts.alarms.alarms)
+    text = [*([] if rows else [say("alarms.no_week")]),
+            *([say("alarms.still", count=still)] if still else [])]  # fmt: skip
     table = tabulated(caption, rows, _alarm_columns(weeks, say), made)
-    return Section(key="alarms", title=say("alarms.title"), blocks=present(table),
-                   text=[] if rows else [say("alarms.no_week")])  # fmt: skip
+    return Section(key="alarms", title=say("alarms.title"), text=text, blocks=present(table))
 
 
 AlarmRow = tuple[tuple[str, str], list[list[Alarm]]]
