@@ -1,4 +1,4 @@
-"""The newest calendar week on one axis of time, twelve weeks as small curves, use of the time."""
+"""The newest calendar week on one axis of time; its time and alarms beside the week before."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -6,22 +6,21 @@ from datetime import date, timedelta
 
 import numpy as np
 import pandas as pd
-from markupsafe import Markup
 
 from pipeline.charts.bands import Axis, Block, Strip, strips_figure
 from pipeline.charts.numbers import signed, tenths
-from pipeline.charts.sections import Figure, Figures, Section, drawing, present
+from pipeline.charts.sections import Section, drawing, present
 from pipeline.charts.tables import Cell, Column, code, sources, tabulated
 from pipeline.report.alarms import Alarm, no_alarms
 from pipeline.report.components import KEYS, component_of, weeks_worked
-from pipeline.report.condition import MOST_WEEKS, week_sources
+from pipeline.report.condition import first_of
 from pipeline.report.facts import MachineFacts
 from pipeline.report.texts import Texts
 from pipeline.report.twin_state import HEAT, SHOWN, days_since, parts_by, state_rows, strip_of
 from pipeline.report.work import BIN, NO_RECORD, Day, days_between
 from pipeline.report.work_section import state_class
 from pipeline.schema.arrays import Floats
-from pipeline.schema.condition import Condition, WeekReport, week_of
+from pipeline.schema.condition import week_of
 from pipeline.schema.days import clock, day_of, day_start, instant
 from pipeline.schema.si import DAY, NS
 
@@ -33,8 +32,6 @@ LEAST_SHARE = 0.1
 """Share of a step that must be known."""
 STOPS = 3
 """Stops, and alarms, that are named."""
-SHOWN_CONDITIONS = 8
-"""Quantities over twelve weeks, those beyond a line first."""
 LEGEND = (
     ("s-active", "active", "box"), ("s-ready", "ready", "box"), ("s-hold", "hold", "box"),
     ("s-interrupted", "interrupted", "box"), ("s-stopped", "stopped", "box"),
@@ -44,15 +41,6 @@ LEGEND = (
 )  # fmt: skip
 """Class of what is drawn, key of its words, shape; the legend holds those that occur."""
 STOPPED = ("FEED_HOLD", "INTERRUPTED", "STOPPED", "PROGRAM_STOPPED", "OPTIONAL_STOP")
-
-
-def first_of(week: str) -> date:
-    """Monday of a calendar week.
-
-    >>> first_of("2026-W04").isoformat()
-    '2026-01-19'
-    """
-    return date.fromisocalendar(int(week[:4]), int(week[6:]), 1)
 
 
 def week_days(week: str) -> list[str]:
@@ -216,76 +204,6 @@ def _burst(burst: list[Alarm], text: str, lane: int, first: str, zone: str, say:
     words = say("week.burst", len(burst), alarm=text or burst[0].item, day=day, time=time)
     kind = "s-over" if any(one.level == "fault" for one in burst) else "s-warned"
     return Block(kind=kind, start=float(start), end=float(end), words=words, lane=lane)
-
-
-def weeks_section(facts: MachineFacts, say: Texts) -> Section | None:
-    """Quantities of the condition over twelve weeks, those beyond a line first."""
-    if not facts.weeks:
-        return None
-    known = [one for one in facts.weeks[-1].conditions if one.value is not None]
-    order = [*LOOKS]
-    chosen = sorted(known, key=lambda one: order.index(one.state))[:SHOWN_CONDITIONS]
-    made = week_sources(facts.folders, facts.shelf, facts.weeks)
-    figures = [
-        Figure(svg=_small(facts, one), caption=_small_words(facts, one, say), sources=made,
-               status=LOOKS[one.state], status_words=_state_words(one, say))
-        for one in chosen
-    ]  # fmt: skip
-    kept = sum(_place(facts, report) >= 0 for report in facts.weeks)
-    text = [say("weeks.kept", count=kept, all=MOST_WEEKS)]
-    if not figures:
-        return None
-    return Section(key="weeks", title=say("weeks.title"), text=text,
-                   blocks=[Figures(figures=figures, kind="small")])  # fmt: skip
-
-
-LOOKS = {"act": "failed", "watch": "attention", "fine": "passed", "not assessed": "unknown",
-         "no line": ""}  # fmt: skip
-"""Look of a state; the order is that of the figures."""
-
-
-def _state_words(one: Condition, say: Texts) -> str:
-    return say(f"component.{one.state.replace(' ', '_')}") if LOOKS[one.state] else ""
-
-
-def _place(facts: MachineFacts, report: WeekReport) -> int:
-    """Place of a report among the twelve weeks up to the newest; negative where it is older."""
-    since = first_of(facts.weeks[-1].week) - first_of(report.week)
-    return MOST_WEEKS - 1 - since.days // 7
-
-
-def _course(facts: MachineFacts, one: Condition) -> Floats:
-    """Values of a quantity in the twelve weeks up to the newest, shape (12,)."""
-    values = np.full(MOST_WEEKS, np.nan)
-    for report in facts.weeks:
-        place = _place(facts, report)
-        same = [other.value for other in report.conditions if other.key == one.key]
-        if place >= 0 and same and same[0] is not None:
-            values[place] = same[0]
-    return values
-
-
-def _small(facts: MachineFacts, one: Condition) -> Markup:
-    values = _course(facts, one)
-    weeks = Axis(words="", span=(0.0, MOST_WEEKS - 1.0), marks=[])
-    lines = [line for line in (one.alert, one.alarm) if line is not None]
-    x = np.arange(MOST_WEEKS, dtype=float)
-    strip = Strip(
-        head="", height=40.0, curves=[("measured", x, values)], levels=lines,
-        dots=[("p-passed", x[-1:], values[-1:])], zero=not lines,
-    )  # fmt: skip
-    return strips_figure([strip], weeks, f"{one.component}, {one.what}", kind="week-small")
-
-
-def _small_words(facts: MachineFacts, one: Condition, say: Texts) -> str:
-    known = _course(facts, one)[:-1]
-    known = known[np.isfinite(known)]
-    value, arrow = one.value or 0.0, ""
-    if len(known):
-        same = say.number(value) == say.number(float(known[-1]))
-        arrow = " →" if same else " ↑" if value > known[-1] else " ↓"
-    return say("weeks.one", component=one.component, what=say.given(one.what),
-               value=say.number(value), unit=one.unit.removesuffix("1"), arrow=arrow)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

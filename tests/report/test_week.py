@@ -8,14 +8,23 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pytest
-from report_folders import UTC_NS, empty_machine, machine, nanoseconds, write_alarms, write_table
+from report_folders import (
+    UTC_NS,
+    empty_machine,
+    live_table,
+    machine,
+    nanoseconds,
+    write_alarms,
+    write_table,
+)
 
 from pipeline.charts.sections import Figures, Section
 from pipeline.charts.tables import Table
+from pipeline.report.condition import weeks_section
 from pipeline.report.facts import MachineFacts, machine_facts
 from pipeline.report.folders import MachineFolders
 from pipeline.report.texts import texts
-from pipeline.report.week import alarms_of_week, time_section, week_section, weeks_section
+from pipeline.report.week import alarms_of_week, time_section, week_section
 from pipeline.schema.condition import Condition, WeekReport
 from pipeline.schema.store import write_json
 from pipeline.schema.twin_state import (
@@ -92,6 +101,16 @@ def test_a_day_off_is_grey_one_that_lacks_records_hatched_and_one_to_come_empty(
     words = [one[1] for one in block.legend]  # type: ignore[union-attr]
     assert words == ["active", "ready", "feed hold", "off, or not worked", "records missing",
                      "fault", "warning"]  # fmt: skip
+
+
+def test_days_that_the_log_lacks_beside_other_live_sources_are_hatched(tmp_path: Path) -> None:
+    """The log ends on its second Monday; temperatures go on to Thursday morning."""
+    folders = machine(tmp_path, "m", "recorded", days=8)
+    live_table(folders, "2024-03-14T06:00:00Z")
+    said = hovers(week_section(machine_facts(folders), EN))
+    lost = [one for one in said if one.startswith("records missing")]
+    assert [one[17:27] for one in lost] == ["Tue\u00a012\u00a0Mar", "Wed\u00a013\u00a0Mar"]
+    assert any(one.startswith("off, or not worked, Thu") for one in said), "not a whole day yet"
 
 
 @pytest.mark.parametrize("day", ["2024-03-31", "2024-10-27"])
@@ -187,7 +206,7 @@ def weeks(facts: MachineFacts, *values: float, state: str = "fine") -> Section |
         ))
         for k, value in enumerate(values, 1)
     )  # fmt: skip
-    return weeks_section(replace(facts, weeks=reports), EN)
+    return weeks_section(facts.folders, facts.shelf, reports, EN)
 
 
 def test_weeks_are_small_figures_the_gravest_first(folders: MachineFolders) -> None:
@@ -206,6 +225,6 @@ def test_a_week_that_is_older_than_twelve_is_not_counted(folders: MachineFolders
     load = Condition(component="axis X", kind="friction", what="load", unit="%", value=9.0)
     one = WeekReport(week="2019-W21", days=(), records="r", bundle="", conditions=(load,))
     old = replace(one, week="2017-W46")
-    found = weeks_section(replace(facts, weeks=(old, one)), EN)
+    found = weeks_section(facts.folders, facts.shelf, (old, one), EN)
     assert found is not None and found.text == [EN("weeks.kept", count=1, all=12)]
     assert found.blocks[0].figures[0].caption == "axis X, load: 9.00\u00a0%"  # type: ignore[union-attr]
