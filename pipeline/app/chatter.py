@@ -32,10 +32,8 @@ from pipeline.signals.windows import sampling_period, uniform_segments
 
 OWN_RATE = ("wav", "tdms")
 """Formats that state the rate of their channels, TDMS not always."""
-VERDICTS = ("chatter", "not decided", "stable")
-"""Verdicts, the gravest first."""
-STATUSES = {"stable": 0, "not decided": 1, "chatter": 3}
-"""Exit status of each."""
+STATUSES = {"chatter": 3, "not decided": 1, "stable": 0}
+"""Exit status of each verdict, the gravest first."""
 STEADY, LEAST_TURNS = 0.1, 96.0
 """Share by which the speed of a stretch may change, and its revolutions, where most of the file
 has another speed [1]."""
@@ -69,12 +67,10 @@ class JudgedFile:
 
     @property
     def gravest(self) -> Stretch:
-        """The first with chatter, else the first that is not decided, else the longest.
-
-        A stretch without a cut, or too short a one, counts where there is no other.
-        """
+        """Of the gravest verdict the longest; one without a cut where there is no other."""
         judged = [one for one in self.stretches if len(one.verdict.spectrum)] or self.stretches
-        return min(judged, key=lambda one: (VERDICTS.index(one.verdict.verdict), -one.seconds))
+        order = list(STATUSES)
+        return min(judged, key=lambda one: (order.index(one.verdict.verdict), -one.seconds))
 
     @property
     def verdict(self) -> RecordedChatter:

@@ -127,6 +127,10 @@ Role = Literal["tool room", "maintenance", "process engineer", "ML engineer", "d
 """Who an action is for."""
 
 
+NOW = "now"
+"""Deadline of what is urgent."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Action:
     """Action: ``what``, ``where``, ``why``, ``until`` when, and who does it.

@@ -84,11 +84,7 @@ def spindle_power(serving: ServingModel | None) -> SpindlePower | None:
 
 
 def inside(chosen: Bools, rows: int) -> Bools:
-    """Whether a row is chosen and as many ``rows`` before and after it; shape (T,).
-
-    >>> inside(np.array([False, True, True, True, False]), 1).tolist()
-    [False, False, True, False, False]
-    """
+    """Whether a row is chosen and as many ``rows`` before and after it; shape (T,)."""
     within: Bools = binary_erosion(chosen, np.ones(2 * rows + 1, dtype=np.bool_))
     return within
 
@@ -178,12 +174,13 @@ def day_state(rows: DayRows, given: Estimators) -> tuple[Values, Reasons]:
     A run-up, tapping, a spindle that stands and a cut are told by ``mode`` and ``spindle_steady``.
     """
     mode = rows.modes()
-    steady = rows.steady_spindle(
-        (given.power.records if given.power else SpindleLoadRecords).settle_s
-    )
+    records = given.power.records if given.power else SpindleLoadRecords
+    steady = rows.steady_spindle(records.settle_s)
     values: Values = {name: rows.number(name) if unit else rows.frame[name]
                       for name, unit in CONTEXT.items() if name in rows.frame}  # fmt: skip
     powers = spindle_powers(rows, given, steady, mode)
+    if "cutting" in given.idle:  # its measured no-load power tells cuts from air all the same
+        powers = {}, powers[1]
     reasons: Reasons = {}
     for columns, why in (
         temperatures(rows, given), powers, following_errors(rows, given.serving.get("drive"))
@@ -283,7 +280,7 @@ def with_drift(given: Estimators, days: Iterable[DayRows]) -> Estimators:
     """The estimators with the drift of the no-load power over training ``days``, two at least."""
     parts = []
     for rows in days if given.power else ():
-        values, _ = day_state(rows, replace(given, serving={}))
+        values, _ = day_state(rows, replace(given, serving={}, idle={}))
         # a load that shows 0 % gives a no-load power that is no measure of its drift
         known = np.flatnonzero(np.isfinite(values["no_load_power_residual"])
                                & (values["no_load_power_estimated"] > 0.0))  # fmt: skip

@@ -54,10 +54,8 @@ class Webhook(Ranged, section="webhook"):
         except ValueError:  # a port that is no number, brackets that do not close, a long name
             right = False
         if not right:
-            shown = re.sub("//.*@", "//", self.url.partition("?")[0])
-            raise ValueError(
-                f"webhook {shown or 'of no text'} is no address: give one like https://host/path"
-            )
+            shown = re.sub("//.*@", "//", self.url.partition("?")[0]) or "(empty)"
+            raise ValueError(f"webhook {shown} is no address: give one like https://host/path")
 
     @property
     def place(self) -> str:
@@ -199,9 +197,7 @@ def _noted(delivery: Delivery, ledger: Path) -> None:
 
 def email_text(incidents: Sequence[Incident], machine: str, at: float) -> str:
     """Message (RFC 5322) on incidents, without addresses: what, where, since when, what to do."""
-    acts, watched = (
-        sum(one.severity == wanted for one in incidents) for wanted in ("act", "watch")
-    )
+    acts, watched = (sum(one.severity == s for one in incidents) for s in ("act", "watch"))
     message = EmailMessage()
     message["Subject"] = f"{machine}: {acts} to act on, {watched} to watch"
     message["Date"] = format_datetime(datetime.fromtimestamp(at, UTC))

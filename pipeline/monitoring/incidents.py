@@ -292,13 +292,9 @@ def _grew(rows: pd.DataFrame, settings: IncidentSettings) -> tuple[float, float]
 
 
 def _alarm_incident(
-    rows: pd.DataFrame,
-    condition: tuple[str, str],
-    identity: MachineIdentity,
-    settings: IncidentSettings,
-    *,
-    runs: bool,
-) -> Incident:
+    rows: pd.DataFrame, condition: tuple[str, str], identity: MachineIdentity,
+    settings: IncidentSettings, *, runs: bool,
+) -> Incident:  # fmt: skip
     """Alarms of one code; a fault on several days is to act on, else it is to be watched."""
     where, kind = condition
     item, code, message = rows[["data_item", "code", "message"]].iloc[0]
@@ -328,8 +324,7 @@ def _alarm_incident(
     return incident_of(
         events, identity, component=component, severity=acts,
         title=f"Alarm {words} comes again: {len(rows)} times on {when}{growth}",
-        check=f"{component}, {words}, up to {stood}: {check}", key=f"alarm {words}",
-        who=who,
+        check=f"{component}, {words}, up to {stood}: {check}", key=f"alarm {words}", who=who,
     )  # fmt: skip
 
 

@@ -63,7 +63,7 @@ def write_twin_state(
         return DayRows(day=day, frame=read_state(clean, day), segments=segments, cleaning=cleaning)
 
     given = Estimators(
-        serving=serving, power=spindle_power(serving.get("cutting")), diameters=tools,
+        serving=serving, power=spindle_power(held.get("cutting")), diameters=tools,
         cases={one.name: one for one in cases if one.role != "sealed"}, idle=idle,
     )  # fmt: skip
     given = with_drift(

@@ -1,18 +1,23 @@
 """Components of a machine in the week of its last record: state, since when, and an outline."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from markupsafe import Markup
 
 from pipeline.charts import svg
-from pipeline.report.facts import NOW, MachineFacts, Status
+from pipeline.charts.sections import NOW
 from pipeline.report.texts import Texts
 from pipeline.schema.condition import WeekReport, week_of
 from pipeline.schema.days import day_of, day_of_text
 from pipeline.schema.incident import Incident
+
+if TYPE_CHECKING:
+    from pipeline.report.facts import MachineFacts, Status
 
 WORDS = {
     "sensors": r"sensor", "tools": r"\btools?\b|\bcut\b|turret|magazine",

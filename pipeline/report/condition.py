@@ -20,7 +20,7 @@ MADE_FROM = "data/twin_state, data/clean and data/ledger, by the stage condition
 NONE = "–"
 MOST_WEEKS = 12
 """Weeks that pages look back."""
-SHOWN_CONDITIONS = 8
+SHOWN_CONDITIONS = 6
 """Quantities over twelve weeks, those beyond a line first."""
 STATUS = {"act": "failed", "watch": "attention", "fine": "passed", "not assessed": "unknown"}
 """Shape and colour of a state, the gravest first."""
@@ -84,7 +84,9 @@ def weeks_section(
     if not known:
         return None
     order = [*STATUS, "no line"]
-    chosen = sorted(known, key=lambda one: order.index(one.state))[:SHOWN_CONDITIONS]
+    chosen = sorted(known, key=lambda one: (order.index(one.state), one.kind == "cycle_time"))[
+        :SHOWN_CONDITIONS
+    ]
     made = week_sources(folders, shelf, reports)
     figures = [
         Figure(svg=_small(reports, one), caption=_small_words(reports, one, say), sources=made,
@@ -94,7 +96,7 @@ def weeks_section(
     ]  # fmt: skip
     kept = sum(_place(reports, report) >= 0 for report in reports)
     return Section(
-        key="weeks", title=say("weeks.title"), text=[say("weeks.kept", count=kept, all=MOST_WEEKS)],
+        key="weeks", title=say("weeks.title", count=kept, all=MOST_WEEKS),
         blocks=[Figures(figures=figures, kind="small")],
     )  # fmt: skip
 
@@ -122,7 +124,7 @@ def _small(reports: Sequence[WeekReport], one: Condition) -> Markup:
     lines = [line for line in (one.alert, one.alarm) if line is not None]
     x = np.arange(MOST_WEEKS, dtype=float)
     strip = Strip(
-        head="", height=40.0, curves=[("measured", x, values)], levels=lines,
+        head="", height=28.0, curves=[("measured", x, values)], levels=lines,
         dots=[("p-passed", x[-1:], values[-1:])], zero=not lines,
     )  # fmt: skip
     return strips_figure([strip], weeks, f"{one.component}, {one.what}", kind="week-small")

@@ -41,8 +41,6 @@ from pipeline.submodels.contract import Shown, submodel
 from pipeline.submodels.siblings import siblings_section
 
 Status = Literal["failed", "attention", "passed", "unknown"]
-NOW = "now"
-"""Deadline of what is urgent."""
 AT_MACHINE = ("maintenance", "tool room")
 """Who works at the machine itself."""
 

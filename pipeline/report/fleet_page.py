@@ -8,8 +8,9 @@ from itertools import groupby
 from markupsafe import Markup
 
 from pipeline.charts import svg
+from pipeline.charts.sections import NOW
 from pipeline.report.components import component_states
-from pipeline.report.facts import AT_MACHINE, NOW, ActionRow, MachineFacts, MachineVerdict, Status
+from pipeline.report.facts import AT_MACHINE, ActionRow, MachineFacts, MachineVerdict, Status
 from pipeline.report.folders import MachineFolders
 from pipeline.report.texts import ENGLISH, Texts
 from pipeline.schema.days import day_of, day_of_text

@@ -123,7 +123,7 @@ def _changes(changes: list[Change], why_none: str, since: str, say: Texts) -> Se
     )
 
 
-MOST_SOURCES = 6
+MOST_SOURCES = 4
 FEWEST_ENDS = 4
 """Ends of files from which on the time between them is a habit."""
 LATE = 1.5
@@ -194,7 +194,6 @@ def origin_columns(say: Texts) -> tuple[Column[Origin], ...]:
     """Columns of the table."""
     return (
         Column(say("last.source"), lambda one: one.name),
-        Column(say("last.files"), lambda one: say.number(one.files), ""),
         Column(say("last.record"), lambda one: (
             say.moment(None if one.last is None else int(one.last * NS))
         )),

@@ -116,6 +116,8 @@ class Counts:
     what: str
     value: str
     """Value of the figure."""
+    place: str = ""
+    """Records that it is of."""
     limit: str = ""
     baseline: str = ""
     """Baseline of the comparison."""
@@ -284,6 +286,7 @@ def counting_figure(one: ModelledPart, say: Texts) -> Counts:
             what=say("score.figure_of", quantity=say.given(score.quantity.replace("_", " ")),
                      error=worst.words, place=_place(score.group, say)),
             value=worst.shown, limit=worst.limit_shown, baseline=beside,
+            place=_place(score.group, say),
             interval=_interval(verdict, say, score), passed_limit=worst.value > worst.limit,
             worse=_also(_bias(worst, say), _worse(worse_elsewhere(verdict, worst), say)),
         )  # fmt: skip

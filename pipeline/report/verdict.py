@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 
-from pipeline.charts.sections import Action, PartVerdict, Role
+from pipeline.charts.sections import NOW, Action, PartVerdict, Role
 from pipeline.charts.sources import shown
 from pipeline.report.components import (
     ComponentState,
@@ -19,7 +19,6 @@ from pipeline.report.components import (
 from pipeline.report.drift import drift_actions
 from pipeline.report.facts import (
     AT_MACHINE,
-    NOW,
     ActionRow,
     MachineFacts,
     MachineVerdict,
@@ -84,10 +83,10 @@ def _incidents(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
     zone = facts.work.time_zone
     for one in week_incidents(facts):
         alarm, act = any(event.rule == "alarm" for event in one.events), one.severity == "act"
-        since = day_of_text(one.start, zone)
+        since, check = day_of_text(one.start, zone), say.given(one.check.rstrip("."))
         why = say("action.incident_why", title=say.given(one.title))
         yield ActionRow(
-            action=Action(what=say("action.recurs") if alarm else say.given(one.check),
+            action=Action(what=say("action.recurs", check=check) if alarm else check,
                           where=one.component.partition(" (")[0], why=why,
                           until=NOW if act and not alarm else STOP, who=one.who),
             href=link(facts.folders.name, INCIDENTS, "incidents"),

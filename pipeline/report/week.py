@@ -229,7 +229,8 @@ def time_section(facts: MachineFacts, say: Texts) -> Section:
     made = sources(facts.shelf, *facts.work.state_files)
     uses = tabulated(say("time.table", count=len(days[-1])), rows, _use_columns(weeks, say), made)
     stops = sorted(_stops(facts, days[-1]), key=lambda one: (one.start - one.end, one.start))
-    named = tabulated(say("time.stops"), stops[:STOPS], _stop_columns(facts, say), made)
+    named = tabulated(say("time.stops"), stops[:STOPS], _stop_columns(facts, say), made,
+                      folded=True)  # fmt: skip
     return Section(key="time", title=say("time.title"), blocks=present(uses, named))
 
 

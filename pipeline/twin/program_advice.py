@@ -57,21 +57,23 @@ def _retracts(plan: Plan) -> Iterator[Advice]:
     if not _upright(moves):
         return
     cutting, end, start = np.isin(moves.kind, CUTTING), moves.end.copy(), moves.start[:, 2]
+    zero = np.array([frame.translation[2] for frame in moves.frames])[moves.frame]
+    top = (end[:, 2] - zero)[cutting].max()  # of the part, as far as any tool has shown it
     for first, last in pairwise([0, *np.flatnonzero(moves.kind == Kind.TOOL_CHANGE), len(moves)]):
         cuts = first + np.flatnonzero(cutting[first:last])
         if len(cuts) > 1:
             between = np.arange(cuts[0], cuts[-1])
-            clear = max(start[cuts].max(), end[cuts, 2].max())
             between = between[~cutting[between]]
+            clear = max((start - zero)[cuts].max(), top) + zero[between]
             end[between, 2] = np.minimum(end[between, 2], clear)
     over = moves.end[:, 2] - end[:, 2]
     high = np.flatnonzero((over > STILL_MM) & (moves.end[:, 2] > start + STILL_MM))
     if len(high):
         yield _advice(
             plan, replace(moves, end=end), high,
-            f"retract no higher than the cuts of the tool begin: {len(high)} retracts go up to "
-            f"{over.max():.4g} mm above that (G99 in place of G98 where they are of cycles)",
-            "no clamp or shoulder stands higher than that between them",
+            f"retract no higher than the cuts of the tool begin and the part is cut: {len(high)} "
+            f"retracts go up to {over.max():.4g} mm above (in cycles G99 in place of G98)",
+            "no clamp or uncut shoulder stands higher than that between them",
         )  # fmt: skip
 
 
@@ -129,7 +131,7 @@ def tour_length(places: Floats, begin: Floats, leave: Floats | None) -> float:
 
 
 def shorter_order(places: Floats, begin: Floats, leave: Floats | None) -> Rows:
-    """Shortest of the own order of ``places`` (N, 2), that by 2-opt, and that from the nearest.
+    """Shortest order of ``places`` (N, 2) by 2-opt from theirs and from nearest neighbours.
 
     >>> square = np.array([[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]])
     >>> shorter_order(square, np.array([-1.0, 0.0]), None).tolist()

@@ -12,8 +12,10 @@ import pytest
 
 from pipeline.monitoring.incident_settings import DWELL_S, IncidentSettings
 from pipeline.monitoring.incidents import monitored, recurring
+from pipeline.monitoring.rules import RULES
 from pipeline.monitoring.usual import Usual, identify_monitor
 from pipeline.monitoring.windows import windows_of
+from pipeline.report.texts import texts
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.incident import Incident, Monitored
 from pipeline.schema.store import write_json, write_table
@@ -321,3 +323,10 @@ def test_settings_name_each_rule() -> None:
     with pytest.raises(ValueError, match=r"incidents\.slope_s = 30.0 s must lie from 60"):
         IncidentSettings(slope_s=30.0)
     assert set(IncidentSettings().dwell_s) == set(DWELL_S)
+
+
+def test_each_rule_has_a_german_title() -> None:
+    german = texts("de")
+    for name, rule in RULES.items():
+        if not name.endswith("following_error"):
+            assert german.given(rule.title) != rule.title

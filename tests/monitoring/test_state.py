@@ -13,6 +13,7 @@ import pytest
 
 from pipeline.monitoring.budget import MonitoringSettings
 from pipeline.monitoring.day_estimates import (
+    POWERS,
     day_state,
     following_errors,
     spindle_power,
@@ -96,6 +97,11 @@ def test_a_force_is_null_where_it_is_not_defined() -> None:
         values, reasons = day_state(day_rows(slow, "cut"), estimators())
         assert np.isfinite(values["cutting_power_estimated"]).any() == (number == "T99")
         assert why in reasons["tangential_force"]
+    idle = replace(estimators(), idle={"cutting": "failed"})
+    values, reasons = day_state(day_rows(milling(0)[0], "air"), idle)
+    assert not {f"{name}_estimated" for name in POWERS} & values.keys()
+    assert reasons["cutting_power"] == "the champion’s cutting does not serve: failed"
+    assert (np.array(values["mode"]) == "cut").mean() > 0.9, "cuts are told from air all the same"
     none, why = day_state(day_rows(rows, "cut"), estimators(power=None))
     assert "cutting_power_estimated" not in none
     assert why["cutting_power"] == "no model with a no-load power serves"

@@ -36,7 +36,7 @@ LINE = Line(
     figure=Counts(
         what="magnitude of the force in the plane, mean error, in up-n3600f500ap1",
         value="12.5 %", limit="10 %", baseline="1.63 % by recorded override only", interval="94 %",
-        worse="elsewhere up to 17.3 %, in slot-n4000f360ap2, training records",
+        worse="bias −12.7 N; elsewhere up to 17.3 %",
     ),
 )  # fmt: skip
 CHANGE = Change(what="Following error, RMS of the worst axis", before="1.25 µm", now="1.26 µm",

@@ -50,6 +50,19 @@ def test_retracts_above_the_start_of_the_cuts_are_the_same_program_with_lower_on
     assert "5 retracts" in one.what and "48 mm" in one.what and "clamp" in one.assumes
 
 
+def test_what_another_tool_cut_higher_is_a_shoulder_by_program_coordinates():
+    writer = Writer(origin=(0, 0, 60, 0, 0, 0)).set(feed=3000.0)
+    writer.to(Z=30.0).to(X=100.0).rapid(Z=60.0)  # a face at 30 above the holes
+    writer.set(tool=2).row(Kind.TOOL_CHANGE).rapid(Z=150.0)
+    for x, y in PLACES:  # a tool 100 longer: as high above its zero as the face plus 20
+        writer.rapid(X=x, Y=y).rapid(Z=102.0).to(Z=95.0).rapid(Z=150.0)
+    moves = writer.moves
+    longer = replace(moves.frames[0], translation=(0, 0, 100, 0, 0, 0))
+    of = (moves.tool == 2).astype(np.int32)
+    one = only(advice_on(replace(moves, frames=(moves.frames[0], longer), frame=of))[1], "retract")
+    assert "up to 20 mm above" in one.what
+
+
 def test_holes_are_visited_in_a_shorter_order_with_the_same_holes():
     plan, advice = advice_on(drilled(PLACES, retract=2.0))
     one = only(advice, "visit")
