@@ -250,8 +250,10 @@ def _seconds(days: Sequence[Day], states: Sequence[str]) -> float:
 
 
 def _named(weeks: Sequence[str], say: Texts) -> list[str]:
-    """The newest week and the one with records before it, in words."""
-    return [say("week.short", week=int(one[6:]), year=one[:4]) for one in weeks[:-3:-1]]
+    """The newest week and the one with records before it, with their years where these differ."""
+    each = weeks[:-3:-1]
+    years = len({one[:4] for one in each}) > 1
+    return [say("week.short", week=int(one[6:])) + f" {one[:4]}" * years for one in each]
 
 
 def _use_columns(weeks: Sequence[str], say: Texts) -> tuple[Column[Use], ...]:
