@@ -10,14 +10,21 @@ import pandas as pd
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.golden import GoldenSets
-from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import LeftOut, Model
 from pipeline.schema.predictions import AGAIN
 from pipeline.schema.ranges import Positive
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact
 from pipeline.signals.windows import row_period
-from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
+from pipeline.submodels.cases import (
+    Case,
+    Cases,
+    Records,
+    conditions_of,
+    held,
+    role_of,
+    sources,
+)
 from pipeline.submodels.conformal import (
     AdaptiveSettings,
     adaptive,
@@ -29,8 +36,8 @@ from pipeline.submodels.contract import (
     IntervalLimits,
     Prediction,
     Predictor,
+    Sections,
     SeenInputs,
-    Shown,
     SubModel,
     Target,
 )
@@ -76,21 +83,17 @@ class DeformationLimits(IntervalLimits, section="deformation_limits"):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fitting:
+class Fitting(Sections):
     """Sections of params.yaml that the fit reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     deformation_records: DeformationRecords
     deformation_fit: DeformationFitSettings
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judging:
+class Judging(Sections):
     """Sections of params.yaml that the judgement reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     deformation_records: DeformationRecords
     deformation_limits: DeformationLimits
 
@@ -165,7 +168,7 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
             cases.append(
                 Case(
                     name=one.name, group=one.name, role=role, files=sources(files, [one.name]),
-                    load=_constant(one.profile), conditions=conditions,
+                    load=held(one.profile), conditions=conditions,
                 )
             )  # fmt: skip
         return Cases(cases=tuple(cases), left_out=tuple(left_out))
@@ -239,12 +242,6 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
                   for name, one in file.learnt.items() if name in file.channels}  # fmt: skip
         return pd.DataFrame({"t": t, **middle})
 
-    def page(self, shown: Shown[DeformationModel]) -> Any:
-        """The first hour, faulty sensors, all methods, where the model errs."""
-        from pipeline.submodels.deformation.page import content
-
-        return content(shown)
-
 
 def _interval(
     file: DeformationModel, state: State, growth: Floats, regime: Any, measured: Floats | None
@@ -254,10 +251,6 @@ def _interval(
         return interval(growth, regime, file.bands)
     following = AdaptiveSettings(step=file.adaptive_step, delay_s=file.probe_delay_s)
     return adaptive(state.time, measured, growth, regime, file.bands, following)
-
-
-def _constant(profile: Profile) -> Callable[[], Profile]:
-    return lambda: profile
 
 
 def _state(table: pd.DataFrame, file: DeformationModel) -> State:

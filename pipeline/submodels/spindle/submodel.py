@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import pandas as pd
@@ -11,7 +11,6 @@ import pandas as pd
 from pipeline.schema.arrays import Floats
 from pipeline.schema.days import zone_of
 from pipeline.schema.golden import GoldenSets
-from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Correlation, Parameter
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, widest
@@ -20,7 +19,6 @@ from pipeline.submodels.cases import (
     Case,
     Cases,
     Records,
-    Roles,
     conditions_of,
     files_of_day,
     role_of,
@@ -31,7 +29,7 @@ from pipeline.submodels.contract import (
     Ends,
     Input,
     Predictor,
-    Shown,
+    Sections,
     SubModel,
     Target,
 )
@@ -76,9 +74,6 @@ from pipeline.twin.spindle import (
     spindle_stretches,
 )
 
-if TYPE_CHECKING:
-    from pipeline.charts.submodel_page import PageContent
-
 METHOD = "bounded least squares (soft L1) on free runs over the training days"
 REMEDY = {
     "bearing_friction": "record the spindle turning free at several speeds, 20 minutes each",
@@ -96,11 +91,9 @@ RATE_REMEDY = "record warm-up and cooling of the spindle over several hours"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fitting:
+class Fitting(Sections):
     """Sections of params.yaml that the fit reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     spindle: SpindleRecords
     spindle_fit: SpindleFitSettings
     residual_forest: ForestSettings
@@ -108,11 +101,9 @@ class Fitting:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judging:
+class Judging(Sections):
     """Sections of params.yaml that the judgement reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     spindle: SpindleRecords
     spindle_limits: SpindleLimits
 
@@ -286,12 +277,6 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
             seconds = (pd.DatetimeIndex(known.index) - midnight).total_seconds()
             air = np.interp(rows["t"], np.asarray(seconds, float), known.to_numpy(float))
         return {TEMPERATURE_RISE: predicted - air}
-
-    def page(self, shown: Shown[SpindleModelFile]) -> "PageContent":
-        """The thermal network, the judged days, and the verdict in words."""
-        from pipeline.submodels.spindle.page import content
-
-        return content(shown)
 
 
 def no_stretch(training: Sequence[Case], cases: Cases, settings: Fitting) -> str:

@@ -10,7 +10,6 @@ import pandas as pd
 
 from pipeline.schema.arrays import Ints
 from pipeline.schema.golden import GoldenSets
-from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Condition, LeftOut, Model, SourceFile
 from pipeline.schema.predictions import AGAIN
 from pipeline.schema.ranges import Positive, Share
@@ -19,7 +18,7 @@ from pipeline.schema.verdict import Fact, Role
 from pipeline.signals.units import conversion
 from pipeline.signals.wear_lives import read_lives
 from pipeline.signals.wear_windows import ToolLife, WearRecords, WearWindows
-from pipeline.submodels.cases import Case, Cases, Records, Roles, role_of
+from pipeline.submodels.cases import Case, Cases, Records, Roles, held, role_of
 from pipeline.submodels.contract import (
     CUTTING_TIME,
     Ends,
@@ -27,8 +26,8 @@ from pipeline.submodels.contract import (
     IntervalLimits,
     Prediction,
     Predictor,
+    Sections,
     SeenInputs,
-    Shown,
     SubModel,
     Target,
 )
@@ -82,7 +81,7 @@ def life_cases(
         cases.append(
             Case(
                 name=life.tool, group=life.tool, role=role, files=tuple(files),
-                load=_constant(life.windows), conditions=conditions,
+                load=held(life.windows), conditions=conditions,
             )
         )  # fmt: skip
     left_out = [LeftOut(case=name, reason=reason) for name, reason in found.left_out.items()]
@@ -128,10 +127,6 @@ def _furthest(life: ToolLife, training: list[ToolLife]) -> dict[str, Fact]:
             words = dict.fromkeys(values.tolist())
             found[name] = Fact(value=next((w for w in words if w not in known), next(iter(words))))
     return found
-
-
-def _constant(windows: WearWindows) -> Callable[[], WearWindows]:
-    return lambda: windows
 
 
 def windows_of(cases: Iterable[Case]) -> WearWindows:
@@ -200,22 +195,18 @@ class WearLimits(IntervalLimits, section="wear_limits"):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fitting:
+class Fitting(Sections):
     """Sections of params.yaml that the fit reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     wear_records: WearRecords
     wear_life: WearLifeSettings = field(default_factory=WearLifeSettings)
     wear_fit: WearFitSettings
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judging:
+class Judging(Sections):
     """Sections of params.yaml that the judgement reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     wear_records: WearRecords
     wear_life: WearLifeSettings = field(default_factory=WearLifeSettings)
     wear_limits: WearLimits
@@ -345,12 +336,6 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
             f"resnet.fold_{fold}": [float(row[2]) for row in one.trained.history]
             for fold, one in enumerate(wear.fitted.networks, start=1)
         }
-
-    def page(self, shown: Shown[WearModel]) -> Any:
-        """Wear over the life of each tool held out, methods compared, where the model errs."""
-        from pipeline.submodels.wear.page import content
-
-        return content(shown)
 
 
 def _conditions(windows: WearWindows) -> dict[str, Condition]:
