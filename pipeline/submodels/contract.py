@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 Fit = TypeVar("Fit")
 Judging = TypeVar("Judging")
 M = TypeVar("M", bound=Model)
+S = TypeVar("S")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -353,11 +354,16 @@ def judging_of(
     one: SubModel[Any, Judging, Any], values: Mapping[str, Any], machine: str
 ) -> Judging:
     """Settings by which a sub-model of a machine is judged, out of those of the project."""
+    return settings_of(one.judging, values, machine)
+
+
+def settings_of(kind: type[S], values: Mapping[str, Any], machine: str) -> S:
+    """Settings of a machine's sub-model, of the type ``kind``, out of those of the project."""
     from pipeline.parameters import section_path, structure
 
-    return one.judging(**{
+    return kind(**{
         section: structure(dict(values), section_path(dict(values), section, machine), wanted)
-        for section, wanted in sections(one.judging).items()
+        for section, wanted in sections(kind).items()
     })  # fmt: skip
 
 

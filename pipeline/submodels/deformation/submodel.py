@@ -11,7 +11,6 @@ import pandas as pd
 from pipeline.schema.arrays import Floats
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.model import LeftOut, Model
-from pipeline.schema.predictions import AGAIN
 from pipeline.schema.ranges import Positive
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact
@@ -65,11 +64,10 @@ from pipeline.submodels.deformation.records import (
     read_profiles,
     state_of_table,
 )
+from pipeline.submodels.statistics import drawn_again
 
 FOLLOWED = "growth, interval follows the probe"
 """The same prediction with the interval that adapts to readings of the probe."""
-AGAIN_DRAWN = 8
-"""Means of seeds drawn with replacement that a recording is predicted by again [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -297,7 +295,8 @@ def _predicted(profile: Profile, model: GrowthModel) -> Prediction:
     reason = model.withheld(pieces, growth)
     given = reason == ""
     growth = np.where(given, growth, 0.0)
-    again = {k: np.where(given, one, 0.0) for k, one in _drawn(by_seed[file.champion]).items()}
+    drawn = drawn_again(by_seed[file.champion])
+    again = {name: np.where(given, one, 0.0) for name, one in drawn.items()}
     ends = [_interval(file, profile.state, growth, regime, probe) for probe in (None, measured)]
     (low, high), (near, far) = np.where(given, np.array(ends), np.nan)
     whole = pd.DataFrame({
@@ -315,13 +314,6 @@ def _predicted(profile: Profile, model: GrowthModel) -> Prediction:
     inputs = file.values(profile.state)
     seen = SeenInputs(quantity=GROWTH, t=time, measured=measured, inputs=inputs)
     return Prediction(frame=frame, facts=facts, seen=(seen,))
-
-
-def _drawn(by_seed: Floats) -> dict[str, Floats]:
-    """Growth by means of seeds drawn with replacement, (T,) each; none of a single fit."""
-    many = len(by_seed)
-    drawn = np.random.default_rng(0).integers(0, many, (AGAIN_DRAWN if many > 1 else 0, many))
-    return {f"{AGAIN}{k}": by_seed[seeds].mean(axis=0) for k, seeds in enumerate(drawn)}
 
 
 def _facts(profile: Profile, model: GrowthModel, growth: Floats) -> Mapping[str, Fact]:

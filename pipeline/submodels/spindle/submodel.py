@@ -1,6 +1,6 @@
 """Spindle temperature as a sub-model: cases are days, judged in windows and as free runs."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
@@ -177,14 +177,7 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
     def fit(self, cases: Cases, settings: Fitting, folder: Path) -> SpindleModelFile:
         """Thermal network of the training days, and the forest on its residual."""
         training, fitting = cases.of("training"), settings.spindle_fit
-        pieces = [
-            piece
-            for case in training
-            for piece in spindle_stretches(
-                case.load(), case.name, settings.spindle, step=fitting.step_s,
-                bridge_s=fitting.bridge_s, shortest_s=fitting.shortest_s,
-            )
-        ]  # fmt: skip
+        pieces = pieces_of(training, settings.spindle, fitting)
         if not pieces:
             raise ValueError(no_stretch(training, cases, settings))
         fit, scores = identify_spindle_network(Given(pieces, settings.spindle, fitting))
@@ -277,6 +270,25 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
             seconds = (pd.DatetimeIndex(known.index) - midnight).total_seconds()
             air = np.interp(rows["t"], np.asarray(seconds, float), known.to_numpy(float))
         return {TEMPERATURE_RISE: predicted - air}
+
+
+def pieces_of(
+    cases: Iterable[Case], records: SpindleRecords, fitting: SpindleFitSettings, *,
+    bridge_s: float | None = None,
+) -> list[StateSegment]:  # fmt: skip
+    """Stretches of some days for the network, over gaps as in its fit or of ``bridge_s`` [s]."""
+    return [
+        piece
+        for case in cases
+        for piece in spindle_stretches(
+            case.load(),
+            case.name,
+            records,
+            step=fitting.step_s,
+            bridge_s=fitting.bridge_s if bridge_s is None else bridge_s,
+            shortest_s=fitting.shortest_s,
+        )
+    ]
 
 
 def no_stretch(training: Sequence[Case], cases: Cases, settings: Fitting) -> str:

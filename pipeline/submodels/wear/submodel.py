@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -46,9 +46,6 @@ from pipeline.submodels.wear.model import (
     WearModel,
     load_wear,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 def life_cases(
@@ -237,19 +234,13 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
         limits = settings.wear_limits
         beaten = tuple(name for name in (GUESS, MEAN) if name in model.scores)
         others = tuple(name for name in model.scores if name != model.champion)
-        if model.is_class:
-            return (
-                Target(
-                    quantity=model.quantity, unit=model.wear_unit, baselines=others,
-                    limits={"rmse": limits.rmse_class}, must_beat=beaten, titles=NAMES,
-                    least_auc=limits.least_auc,
-                ),
-            )  # fmt: skip
         return (
             Target(
                 quantity=model.quantity, unit=model.wear_unit, baselines=others,
-                limits={"rmse": limits.rmse_um}, must_beat=beaten, titles=NAMES,
-                coverage=limits.share,
+                limits={"rmse": limits.rmse_class if model.is_class else limits.rmse_um},
+                must_beat=beaten, titles=NAMES,
+                coverage=None if model.is_class else limits.share,
+                least_auc=limits.least_auc if model.is_class else 0.0,
             ),
         )  # fmt: skip
 
