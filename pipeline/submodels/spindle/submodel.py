@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
@@ -158,7 +159,7 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
         for day in state_days(clean):
             raw = files_of_day(files, day, zone)
             role = role_of(raw, settings.roles, sets, day)
-            load = _loader(clean, day)
+            load = partial(read_state, clean, day)
             if role == "sealed" and not load()[TARGET].notna().any():
                 continue  # sealed by a file of something else that was recorded on that day
             conditions = {} if role == "sealed" else _conditions(load(), settings.spindle)
@@ -338,10 +339,6 @@ def _check_zone_of_sets(sets: GoldenSets | None, zone: str) -> None:
                 f"those of {frozen.time_zone}, its records are cut by {zone}: freeze them again "
                 f"with `kerf golden --machine {sets.machine}`"
             )
-
-
-def _loader(clean: Path, day: str) -> Callable[[], pd.DataFrame]:
-    return lambda: read_state(clean, day)
 
 
 def _conditions(state: pd.DataFrame, records: SpindleRecords) -> dict[str, Fact]:
