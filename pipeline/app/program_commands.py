@@ -388,11 +388,13 @@ def chatter(
     machine: kerf.Setup = None,
     json: kerf.Json = None,
 ) -> None:
-    """Say whether FILE, a recording of a milling cut, holds chatter, and which speeds to try."""
-    from pipeline.app.chatter import chatter_of, document, said
+    """Chatter in FILE, a recording of a cut, and speeds to try; exit status 3, not decided 1."""
+    from pipeline.app.chatter import STATUSES, chatter_of, document, said
 
     with one_sentence(), outputs() as to:
         to.ready(json, file)
         found = chatter_of(file, teeth, speed, channels=channel or (), rate=rate, machine=machine)
         to.json(document(found), json)
         to.say(*said(found))
+    if status := STATUSES[found.verdict.verdict]:
+        raise typer.Exit(status)
