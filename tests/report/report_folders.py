@@ -12,7 +12,7 @@ from page_reader import every_word
 
 from pipeline.report.folders import FleetInfo, MachineFolders
 from pipeline.report.pages import write_report
-from pipeline.schema.golden import Days, FrozenSet, GoldenSets, write_golden
+from pipeline.schema.golden import Days, FrozenSet, GoldenSets
 from pipeline.schema.model import Correlation, Parameter, SourceFile, Training
 from pipeline.schema.predictions import write_predictions
 from pipeline.schema.store import write_json
@@ -263,7 +263,7 @@ def write_model(folders: MachineFolders, days: list[str], passed: bool) -> None:
     files = tuple(log_of(day, len(training) + i) for i, day in enumerate(golden))
     week = FrozenSet(files=files, days=Days(first=golden[0], last=golden[-1]))
     folders.golden.parent.mkdir(parents=True, exist_ok=True)
-    write_golden(GoldenSets(machine=folders.name, golden=week), folders.golden)
+    write_json(GoldenSets(machine=folders.name, golden=week), folders.golden)
     folder = folders.models / "spindle"
     write_json(spindle_model(folders, training), folder / "model.json")
     write_json(spindle_verdict(folders, golden, passed), folder / "verdict.json")
