@@ -215,5 +215,5 @@ def _paragraph(one: Incident) -> str:
         f"{one.component}, {one.start} to {one.end}{often}\n"
         f"{first.rule.replace('_', ' ')} {first.value:g} {first.unit}, limit {first.limit:g}; "
         f"{first.evidence}\n"
-        f"Who: {one.who}. Check: {one.check}\nId: {one.id}"
+        f"Who: {one.who}. {one.found}. Check: {one.check}\nId: {one.id}"
     )

@@ -192,13 +192,13 @@ def _incident(events: Sequence[Event], identity: MachineIdentity) -> Incident:
     acts = any(one.severity == "act" for one in events)
     return incident_of(
         events, identity, component=by_rule[0].component, severity="act" if acts else "watch",
-        title=rule.title, check=f"{says}. {rule.check}", who=rule.who, key=first.rule,
+        title=rule.title, check=rule.check, found=says, who=rule.who, key=first.rule,
     )  # fmt: skip
 
 
 def incident_of(
     events: Sequence[Event], identity: MachineIdentity, *, component: str, severity: Severity,
-    title: str, check: str, who: Who, key: str,
+    title: str, check: str, found: str, who: Who, key: str,
 ) -> Incident:  # fmt: skip
     """An incident; its id is that of machine, component, first rule and first day."""
     ordered = sorted(events, key=lambda one: (one.start, one.rule))
@@ -208,7 +208,7 @@ def incident_of(
     spans = pd.DataFrame([(_time(one.start), _time(one.end)) for one in ordered])
     return Incident(
         id=sha256(text.encode()).hexdigest()[:16], machine=identity.name, origin=identity.origin,
-        component=component, severity=severity, title=title, check=check, who=who,
+        component=component, severity=severity, title=title, check=check, found=found, who=who,
         start=ordered[0].start, end=max(one.end for one in ordered),
         seconds=_union(spans.to_numpy()) / NS, count=len(ordered), events=tuple(kept),
     )  # fmt: skip
@@ -324,7 +324,7 @@ def _alarm_incident(
     return incident_of(
         events, identity, component=component, severity=acts,
         title=f"Alarm {words} comes again: {len(rows)} times on {when}{growth}",
-        check=f"{component}, {words}, up to {stood}: {check}", key=f"alarm {words}", who=who,
+        check=check, found=f"{component}, {words}, up to {stood}", key=f"alarm {words}", who=who,
     )  # fmt: skip
 
 

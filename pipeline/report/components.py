@@ -32,7 +32,9 @@ RULES = {
     "tools": ("cut_load", "load_without"), "axes": ("x_", "y_", "z_"), "control": ("forest",),
 }  # fmt: skip
 """Beginnings of the rules that assess a component."""
-LEVELS: dict[str, Status] = {"act": "failed", "watch": "attention", "fine": "passed"}
+LEVELS: dict[str, Status] = {
+    "act": "failed", "watch": "attention", "fine": "passed", "no_alarm": "passed",
+}  # fmt: skip
 RANK = {"watch": 1, "act": 2}
 """Gravity of a state, 0 of any other."""
 
@@ -93,18 +95,20 @@ def component_states(facts: MachineFacts, say: Texts) -> list[ComponentState]:
     """State of each component in the newest week; the gravest finding decides."""
     weeks = weeks_worked(facts)
     found = [*(_findings(facts, weeks[-1], say) if weeks else ()), *_standing(facts, say)]
+    alarms = {component_of(where) for where in facts.alarms.watched}
     before = list(_findings(facts, weeks[-2], say)) if len(weeks) > 1 else None
     assessed = _assessed(facts)
-    return [_state(key, found, before, key in assessed, say) for key in KEYS]
+    fine = {key: "fine" if key in assessed else "no_alarm" for key in assessed | alarms}
+    return [_state(key, found, before, fine.get(key, ""), say) for key in KEYS]
 
 
 def _state(
-    key: str, found: Sequence[Finding], before: Sequence[Finding] | None, assessed: bool, say: Texts
+    key: str, found: Sequence[Finding], before: Sequence[Finding] | None, fine: str, say: Texts
 ) -> ComponentState:
     own = sorted((f for f in found if f.key == key), key=lambda f: (-f.rank, f.since or "~"))
-    if not own and not assessed:
+    if not own and not fine:
         return ComponentState(key=key, status="unknown", word=say("component.not_assessed"))
-    level = {2: "act", 1: "watch", 0: "fine"}[own[0].rank if own else 0]
+    level = {2: "act", 1: "watch", 0: fine}[own[0].rank if own else 0]
     trend: Literal["", "better", "same", "worse"] = ""
     if before is not None:
         now, then = (max((f.rank for f in fs if f.key == key and f.since), default=0)
@@ -169,8 +173,8 @@ def _standing(facts: MachineFacts, say: Texts) -> Iterator[Finding]:
 
 
 def _assessed(facts: MachineFacts) -> set[str]:
-    """Components that rules, lines of the condition, cleaning or alarms can say something of."""
-    found = {component_of(where) for where in facts.alarms.watched}
+    """Components that rules, lines of the condition or cleaning can say something of."""
+    found: set[str] = set()
     if facts.records.changes is not None:
         found.add("sensors")
     if facts.monitored is not None:

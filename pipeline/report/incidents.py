@@ -94,7 +94,7 @@ COLUMNS: tuple[Column[Incident], ...] = (
     Column("held", lambda one: duration(one.seconds), ""),
     Column("events", lambda one: number(one.count), ""),
     Column("who", lambda one: one.who),
-    Column("what to check", lambda one: one.check),
+    Column("what to check", lambda one: f"{one.found}. {one.check}" if one.found else one.check),
 )
 EVIDENCE: tuple[Column[tuple[Incident, Event]], ...] = (
     Column("Rule", lambda row: row[1].rule.replace("_", " ")),

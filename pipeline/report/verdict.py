@@ -82,16 +82,20 @@ def _incidents(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
     """Incidents of the newest week; what a rule holds to be grave is due now."""
     zone = facts.work.time_zone
     for one in week_incidents(facts):
-        alarm, act = any(event.rule == "alarm" for event in one.events), one.severity == "act"
-        since, check = day_of_text(one.start, zone), say.given(one.check.rstrip("."))
-        why = say("action.incident_why", title=say.given(one.title))
+        name = next((event.words.get("alarm", "") for event in one.events
+                     if event.rule == "alarm"), None)  # fmt: skip
+        act, check = one.severity == "act", say.given(one.check.rstrip("."))
+        why, what = say("action.incident_why", title=say.given(one.title)), check
+        if name is not None:
+            what = say("action.recurs", alarm=name, check=f"{check[:1].lower()}{check[1:]}")
+        elif one.found:
+            why = f"{why} {one.found}."
         yield ActionRow(
-            action=Action(what=say("action.recurs", check=check) if alarm else check,
-                          where=one.component.partition(" (")[0], why=why,
-                          until=NOW if act and not alarm else STOP, who=one.who),
+            action=Action(what=what, where=one.component.partition(" (")[0], why=why,
+                          until=NOW if act and name is None else STOP, who=one.who),
             href=link(facts.folders.name, INCIDENTS, "incidents"),
-            english=("why",) if alarm else ("what", "why"), risk=2 if act else 1, since=since,
-            course=_by_day(facts, one) if alarm else (),
+            english=("what", "why"), risk=2 if act else 1, since=day_of_text(one.start, zone),
+            course=() if name is None else _by_day(facts, one),
         )  # fmt: skip
 
 

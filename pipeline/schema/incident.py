@@ -86,6 +86,8 @@ class Incident:
     check: str
     """What to look at."""
     who: Who
+    found: str = ""
+    """Values of the gravest event, with the place."""
     start: str
     end: str
     seconds: float

@@ -175,8 +175,8 @@ def test_events_of_days_on_end_are_one_incident_with_evidence(tmp_path: Path) ->
     first = next(event for event in one.events if event.rule == "temperature_outside")
     assert first.words["program"] == "O1" and first.values["temperature"] == pytest.approx(46.0)
     assert first.value > first.limit >= SETTINGS.interval
-    assert one.check.startswith("spindle temperature, tool 4, program O1: ")
-    assert "1.53 × half interval, limit 1.5. Sensor and its input" in one.check
+    assert one.found.startswith("spindle temperature, tool 4, program O1: ")
+    assert "1.53 × half interval, limit 1.5" in one.found and "Sensor" in one.check
 
 
 def test_a_fault_on_another_component_is_another_incident(tmp_path: Path) -> None:
@@ -257,7 +257,8 @@ def test_an_alarm_three_times_in_a_fortnight_is_an_incident_to_act_on(tmp_path: 
     (one,) = alarms(tmp_path, *(("x", "fault", day, 2.0) for day in days))
     assert one.component == "Linear X (x)" and one.severity == "act" and one.count == 3
     assert "3 times on 3 days" in one.title and one.seconds == 360.0
-    assert one.check.startswith("Linear X (x), 101, up to 2 min: Where the axis stood")
+    assert one.found == "Linear X (x), 101, up to 2 min"
+    assert one.check.startswith("Where the axis stood")
 
 
 @pytest.mark.parametrize(
