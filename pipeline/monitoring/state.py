@@ -35,6 +35,20 @@ from pipeline.signals.windows import read_state, state_days
 from pipeline.submodels.cases import Records, Roles, files_of_day, role_of
 
 
+def estimators_of(
+    bundle: Path, records: Records, tools: Mapping[int, float], sets: GoldenSets | None,
+    values: dict[str, Any],
+) -> Estimators:  # fmt: skip
+    """What estimates by the models in the folder ``bundle``, without the drift of their power."""
+    serving = serving_models(bundle, values, MonitoringSettings())
+    spindle = serving.get("spindle")
+    cases = () if spindle is None else spindle.one.cases(records, spindle.judging, sets).cases
+    return Estimators(
+        serving=serving, power=spindle_power(serving.get("cutting")), diameters=tools,
+        cases={one.name: one for one in cases if one.role != "sealed"},
+    )  # fmt: skip
+
+
 def write_twin_state(
     champion: Path, records: Records, out: Path, *, roles: Roles,
     cleaning: CleanSettings, tools: Mapping[int, float], sets: GoldenSets | None,
@@ -47,9 +61,8 @@ def write_twin_state(
     estimated.
     """
     clean, files = records.clean or Path(), records.files
-    serving = serving_models(champion, values, MonitoringSettings())
-    spindle = serving.get("spindle")
-    cases = () if spindle is None else spindle.one.cases(records, spindle.judging, sets).cases
+    given = estimators_of(champion, records, tools, sets, values)
+    serving, spindle = given.serving, given.serving.get("spindle")
     zone, segments = zone_of(clean), pq.read_table(clean / "segments.parquet")
     role_by_day = {day: role_of(files_of_day(files, day, zone), roles, sets, day)
                    for day in state_days(clean)}  # fmt: skip
@@ -57,10 +70,6 @@ def write_twin_state(
     def rows_of(day: str) -> DayRows:
         return DayRows(day=day, frame=read_state(clean, day), segments=segments, cleaning=cleaning)
 
-    given = Estimators(
-        serving=serving, power=spindle_power(serving.get("cutting")), diameters=tools,
-        cases={one.name: one for one in cases if one.role != "sealed"},
-    )  # fmt: skip
     given = with_drift(
         given, (rows_of(day) for day, role in role_by_day.items() if role == "training")
     )
