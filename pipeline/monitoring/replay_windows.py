@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 from pipeline.monitoring.day_estimates import TEMPERATURE, SpindlePower
 from pipeline.monitoring.day_quantities import even, number_of
@@ -25,14 +26,16 @@ WINDOW_S = 30.0
 """Length of a window, over which rows are represented by their median [s]."""
 COMPARED = {"speed": 0.05, "feed": 0.1}
 """Share by which speed and feed of a cut may differ from the usual ones."""
-LEAST = 3
-"""Windows, cycles or mornings on known-good days from which on something is usual."""
+LEAST_DAYS, LEAST_WINDOWS = 2, 18
+"""Known-good days, and windows on them but for cycles and mornings, that make something usual."""
 MORNING_S = 1800.0
 """Time of windows that the first temperature of a day counts like [s]."""
 LEAST_ROWS_S = 5.0
-"""Least known time of a window [s]; an axis may pass through it."""
+"""Least known time of a window [s]."""
 LEAST_SHARE = 0.02
 """Least half of an interval of what is usual, as a share of it [1]."""
+TWICE = 2.0
+"""Interval over the usual residual of days that the model was fitted on [1]."""
 QUANTILES = (0.05, 0.95)
 OF_CHAMPION = tuple(name for name, (_, parts) in QUANTITIES.items() if "measured" in parts)
 CUT, MORNING, CYCLES = "cut_load", "morning_temperature", "cycle_time"
@@ -72,6 +75,8 @@ def series_of(
         for name, table in _day_series(state, read_state(clean, day), own, power):
             parts.setdefault(name, []).append(table.assign(day=day))
     found = {name: pd.concat(some, ignore_index=True) for name, some in parts.items()}
+    for name in OF_CHAMPION:
+        found[name] = _with_interval(found[name], known_good)
     free = found["no_load_power"]
     drift = ((free["high"] - free["estimated"]) / free["estimated"].clip(1e-9)).median()
     if CUT in found and np.isfinite(drift):
@@ -96,7 +101,10 @@ def _day_series(
     """Windows of each quantity of a day, without what is usual."""
     for name in OF_CHAMPION:
         columns = state[[f"{name}_{part}" for part in PARTS[:4]]].set_axis(PARTS[:4], axis=1)
-        yield name, _windows(columns.assign(speed=state["spindle_speed"]).dropna())
+        known = columns.assign(speed=state["spindle_speed"]).dropna(
+            subset=["measured", "estimated", "speed"]
+        )
+        yield name, _windows(known)
     runs = state["execution"].eq("ACTIVE") & state["spindle_steady"].fillna(False).astype(bool)
     runs &= state["mode"].isin(["cut", "air"]) & (state["path_feedrate"].abs() > 0)
     cut = state[["program", "tool_number"]].astype(object).assign(
@@ -117,7 +125,7 @@ def _day_series(
         v = np.abs(speed[here := uncut & even(speed) & np.isfinite(load)])
         at = np.array([float(f"{one:.2g}") for one in v])
         rows = {"measured": np.abs(load[here]), "speed": v, "at": at, "own": 1.0}
-        yield f"{axis}_load", _windows(pd.DataFrame(rows, index=state.index[here]), ["at"], 0.0)
+        yield f"{axis}_load", _windows(pd.DataFrame(rows, index=state.index[here]), ["at"])
     override, feed = (number_of(clean, name) for name in ("feed_override", "path_feedrate"))
     shown = pd.Series(np.where(feed > 0, override, np.nan), index=state.index)
     done = cycles[cycles["complete"].fillna(False).astype(bool) & (cycles["active_s"] > 0)]
@@ -129,26 +137,42 @@ def _day_series(
     })  # fmt: skip
 
 
-def _windows(
-    rows: pd.DataFrame, keys: Sequence[str] = (), least_s: float = LEAST_ROWS_S
-) -> pd.DataFrame:
+def _windows(rows: pd.DataFrame, keys: Sequence[str] = ()) -> pd.DataFrame:
     """Medians of rows by window, and by what they are to be alike in."""
     time = pd.DatetimeIndex(rows.index).as_unit("ns").asi8
     t = pd.Series(time // round(WINDOW_S * NS) * WINDOW_S, index=rows.index, name="t")
     grouped = rows.groupby([t, *keys], observed=True)
     period = float(np.diff(time[:2000]).min(initial=round(WINDOW_S * NS))) / NS
     found = grouped.median().assign(seconds=grouped.size() * period)
-    return found[found["seconds"] >= least_s].reset_index()
+    return found[found["seconds"] >= LEAST_ROWS_S].reset_index()
+
+
+def _with_interval(table: pd.DataFrame, known_good: Sequence[str]) -> pd.DataFrame:
+    """Windows with an interval: twice the usual residual of known-good days where none is known."""
+    lacks = table["low"].isna() | table["high"].isna()
+    off = (table["measured"] - table["estimated"])[table["day"].isin(known_good)].abs()
+    half = TWICE * off.quantile(0.9) if lacks.any() else np.nan
+    for name, sign in (("low", -1), ("high", 1)):
+        table[name] = table[name].mask(lacks, table["estimated"] + sign * half)
+    return table.dropna(subset=["low", "high"]).reset_index(drop=True)
 
 
 def _with_usual(table: pd.DataFrame, keys: list[str], known_good: Sequence[str]) -> pd.DataFrame:
     """Windows that can be compared with what is usual, with it and its interval."""
-    grouped = table[table["day"].isin(known_good)].groupby(keys)
+    good = table[table["day"].isin(known_good)]
+    grouped = good.groupby(keys)
     low, middle, high = (grouped["measured"].quantile(q) for q in (QUANTILES[0], 0.5, QUANTILES[1]))
-    usual = pd.DataFrame({"estimated": middle, "spread": (high - low) / 2})
+    by_day = good.groupby([*keys, "day"])["measured"].median().groupby(keys)
+    n, sd = by_day.size(), by_day.std()
+    between = sd * stats.t.ppf(0.95, n - 1) * np.sqrt(1 + 1 / n)  # of a day to come
+    spread = between.clip((high - low) / 2)
+    usual = pd.DataFrame({"estimated": middle, "spread": spread})
+    known = n >= LEAST_DAYS
+    if table["seconds"].max() <= WINDOW_S:
+        known &= grouped.size() >= LEAST_WINDOWS
     for name in COMPARED.keys() & set(table):
         usual[f"usual_{name}"] = grouped[name].median()
-    table = table.join(usual[grouped.size() >= LEAST], on=keys).dropna(subset="estimated")
+    table = table.join(usual[known], on=keys).dropna(subset="estimated")
     for name, share in COMPARED.items():
         if f"usual_{name}" in table:
             off = (table[name] - table[f"usual_{name}"]).abs()
