@@ -1,21 +1,21 @@
 """Command ``kerf replay``: a span of production, its models, and what would explain the residual."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import pyarrow as pa
+import pyarrow.parquet as pq
 
 from pipeline.app.fleet import DATA, check_machine, machine_parameters
 from pipeline.app.output import aligned
 from pipeline.champions.serving import bundle_place, champion_of, history_of, names_of
-from pipeline.monitoring.day_estimates import TEMPERATURE, DayRows, Estimators, day_state
-from pipeline.monitoring.replay import Explained, Standing, begin_of, explained, standing_of
+from pipeline.monitoring.day_estimates import TEMPERATURE, DayRows, day_state
+from pipeline.monitoring.replay import Standing, replacements, standing_of
 from pipeline.monitoring.replay_parts import ThermalRuns, parts_of
-from pipeline.monitoring.replay_windows import USUAL, WINDOW_S, Series, series_of
+from pipeline.monitoring.replay_windows import OF_CHAMPION, USUAL, WINDOW_S, series_of
 from pipeline.monitoring.state import estimators_of
 from pipeline.parameters import read_params, section_path, structure
 from pipeline.schema.bundle import copy_bundle, stored_bundle
@@ -25,22 +25,15 @@ from pipeline.schema.history import served
 from pipeline.schema.replay import Replay
 from pipeline.schema.si import NS
 from pipeline.schema.store import read_json, write_json, write_table
-from pipeline.schema.twin_state import (
-    CONTEXT,
-    MANIFEST,
-    PARTS,
-    QUANTITIES,
-    TwinState,
-    day_path,
-    read_day,
-)
+from pipeline.schema.twin_state import CONTEXT, MANIFEST, PARTS, TwinState, day_path, read_day
 from pipeline.signals.cleaning.settings import CleanSettings
 from pipeline.signals.windows import read_state
 from pipeline.submodels.cases import Records
 
 REPLAY = "replay.json"
-Span = tuple[float, float]
-Columns = dict[str, Any]
+WHY = {"cut_load": "no load of a program and tool", "morning_temperature": "no first temperature",
+       "cycle_time": "no complete cycle of a program"}  # fmt: skip
+"""What a quantity lacks that is usual on two known-good days; for an axis its load at a speed."""
 
 
 def replayed(machine: str, first: str, last: str, other: str, out: Path) -> Replay:
@@ -50,90 +43,78 @@ def replayed(machine: str, first: str, last: str, other: str, out: Path) -> Repl
     ValueError where there is nothing to replay.
     """
     check_machine(machine)
-    folder, clean = DATA / "twin_state" / machine, DATA / "clean" / machine
+    folder, clean, champion = (DATA / k / machine for k in ("twin_state", "clean", "champion"))
     state = read_json(folder / MANIFEST, TwinState, f"run `dvc repro state@{machine}`")
     if not state.days:
         raise ValueError(f"{machine} has no log of its control, only recordings: a replay needs "
                          "days of production records")  # fmt: skip
-    bundle = stored_bundle(DATA / "champion" / machine, machine)
+    bundle, zone = stored_bundle(champion, machine), zone_of(clean)
     if bundle is None or bundle.sha256 != state.bundle:
         raise ValueError(f"{folder} is not by what serves: run `dvc repro state@{machine}`")
-    spans = [_span(first, last, zone_of(clean))]
-    if other:
-        begin, dots, end = other.partition("..")
-        if not dots:
-            raise ValueError(f"--with {other} is no span: write it as 2026-01-05..2026-01-09")
-        spans.append(_span(begin, end, zone_of(clean)))
-    days, *lent = (_days(state, one, zone_of(clean)) for one in spans)
+    spans = [_span(f"{first}..{last}", zone), *([_span(other, zone)] if other else [])]
+    days, *lent = (tuple(day for day in sorted(state.days)
+                         if day_start(day, zone) / NS < end and day_end(day, zone) / NS > begin)
+                   for begin, end in spans)  # fmt: skip
+    if not days:
+        raise ValueError(f"no records from {first} to {last}: there are days from "
+                         f"{min(state.days)} to {max(state.days)}")  # fmt: skip
     good = tuple(day for day, one in state.days.items() if one.role == "training")
-    records = Records.of_machine(DATA, machine, DATA / "champion" / machine)
-    values, sets = read_params(), read_golden(DATA / "golden" / f"{machine}.json")
-    given = estimators_of(DATA / "champion" / machine, records, {}, sets, values)
-    every = {*days, *good, *(day for some in lent for day in some)}
-    series = series_of(folder, clean, every, good, given.power)
-    standing, found = standing_of(series, spans[0], good)
-    missing = {name: why for name, (_, _, why) in USUAL.items() if name not in found} | {
-        name: state.days[days[0]].unknown.get(name, "not measured beside it") for name, (_, parts)
-        in QUANTITIES.items() if "measured" in parts and name not in found
-    }  # fmt: skip
-    if not found:
-        why = "; ".join(f"{name.replace('_', ' ')}: {one}" for name, one in missing.items())
+    records, values = Records.of_machine(DATA, machine, champion), read_params()
+    common = (records, {}, read_golden(DATA / "golden" / f"{machine}.json"), values)
+    given, run = estimators_of(champion, *common), [*days, *(day for some in lent for day in some)]
+    series = series_of(folder, clean, {*run, *good}, good, given.power)
+    standing = standing_of(series, spans[0], good)
+    missing = {name: state.days[days[0]].unknown.get(name, "not measured") for name in OF_CHAMPION}
+    missing |= {name: f"{WHY.get(name, 'no load at a speed outside of cuts')} as on two known-good "
+                      "days" for name in USUAL}  # fmt: skip
+    missing = {name: why for name, why in missing.items() if name not in standing.quantities}
+    if not standing.quantities:
+        why = "; ".join(f"{name}: {one}" for name, one in missing.items()).replace("_", " ")
         raise ValueError(f"{machine} has nothing to compare from {first} to {last}: {why}")
-    begin = begin_of(series, found)
     thermal = None
     if TEMPERATURE in series:
-        run = [day for some in (days, *lent) for day in some]
-        thermal = ThermalRuns.of(given.serving["spindle"], series[TEMPERATURE], clean, run, begin)
-    parts = parts_of(series, standing.masks, thermal, begin)
-    told = explained(standing, parts, *(_whole(standing, one) for one in spans[1:]))
+        thermal = ThermalRuns.of(given.serving["spindle"].model, series[TEMPERATURE], clean, run)
+    parts = parts_of(series, standing.masks, thermal, standing.begin)
+    found = replacements(standing, parts, *(standing.over(one) for one in spans[1:]))
+    others = {row.key: {name: one(p) for name, one in part.estimates.items()}
+              for row, part, p in found}  # fmt: skip
     with TemporaryDirectory() as kept:
-        version, previous = _previous(machine, Path(kept))
-        before = previous and estimators_of(previous, records, {}, sets, values)
+        version, bundle_before = _previous(machine, Path(kept))
+        before = estimators_of(bundle_before, *common) if bundle_before else None
+        cleaning = structure(values, section_path(values, "cleaning", machine), CleanSettings)
         for day in days:
-            own = _by(before, day, clean, values, machine) if before else {}
-            write_day(day, (series, told), own, spans[0], folder, out)
-    champion = champion_of(machine)
-    identity = machine_parameters(machine)["machine"][machine]["identity"]
-    found = Replay(
-        machine=machine, origin=identity["origin"], first=first, last=last, days=days,
-        bundle=state.bundle, version=champion.version if champion else 0, previous=version,
-        known_good=good, borrowed=other, outcome=told.outcome, named=told.named, sure=told.sure,
-        quantities=found, replaced=tuple(row for _, row, _ in told.parts), missing=missing,
+            rows = DayRows(day=day, frame=read_state(clean, day), cleaning=cleaning,
+                           segments=pq.read_table(clean / "segments.parquet"))  # fmt: skip
+            own = day_state(rows, before)[0] if before else {}
+            table = _table(read_day(folder, day).to_pandas(), standing, others, own)
+            here = _ns(table["time"]).between(*spans[0], inclusive="left")
+            _write(table[here.to_numpy()], standing, day_path(out, day))
+    serving = champion_of(machine)
+    replay = Replay(
+        machine=machine, origin=machine_parameters(machine)["machine"][machine]["identity"]["origin"],
+        first=first, last=last, days=days, bundle=state.bundle, previous=version,
+        version=serving.version if serving else 0, known_good=good, borrowed=other,
+        quantities=standing.quantities, replaced=tuple(row for row, *_ in found), missing=missing,
     )  # fmt: skip
-    write_json(found, out / REPLAY)
-    return found
+    write_json(replay, out / REPLAY)
+    return replay
 
 
-def _span(first: str, last: str, zone: str) -> Span:
-    """Begin and end [s since 1970] of days or times of the plant."""
+def _span(text: str, zone: str) -> tuple[float, float]:
+    """Begin and end [s since 1970] of ``DAY..DAY``, or times of the plant."""
     ends = []
-    for text, of_day in ((first, day_start), (last, day_end)):
+    for one, of_day in zip(text.split("..", 1), (day_start, day_end), strict=False):
         try:
-            time = pd.Timestamp(text)
-            shown = time if time.tzinfo else time.tz_localize(zone)
+            time = pd.Timestamp(one)
+            time = time if time.tzinfo else time.tz_localize(zone)
         except (ValueError, TypeError) as error:
-            raise ValueError(f"{text!r} is neither a day nor a time of the plant: write it as "
+            raise ValueError(f"{one!r} is neither a day nor a time of the plant: write it as "
                              "2026-03-09 or 2026-03-09T10:30") from error  # fmt: skip
-        ends.append(of_day(text, zone) if is_day(text) else shown.as_unit("ns").value)
-    if ends[1] <= ends[0]:
-        raise ValueError(f"{last} is not after {first}")
-    return ends[0] / NS, ends[1] / NS
-
-
-def _days(state: TwinState, span: Span, zone: str) -> tuple[str, ...]:
-    found = tuple(day for day in sorted(state.days)
-                  if day_start(day, zone) / NS < span[1] and day_end(day, zone) / NS > span[0])  # fmt: skip
-    if not found:
-        raise ValueError(f"no records in this span: there are days from {min(state.days)} to "
-                         f"{max(state.days)}")  # fmt: skip
-    return found
-
-
-def _whole(standing: Standing, span: Span) -> Standing:
-    """The same quantities over another span."""
-    masks = {name: standing.series[name]["t"].between(*span).to_numpy() for name in standing.stands}
-    return Standing.of(standing.series, {name: one for name, one in masks.items() if one.any()},
-                       standing.limits, standing.stands)  # fmt: skip
+        ends.append((of_day(one, zone) if is_day(one) else time.as_unit("ns").value) / NS)
+    if len(ends) < 2 or ends[1] <= ends[0]:
+        raise ValueError(f"{text} does not go from a day to a later one: write it as "
+                         "2026-01-05..2026-01-09")  # fmt: skip
+    return ends[0], ends[1]
 
 
 def _previous(machine: str, kept: Path) -> tuple[int | None, Path | None]:
@@ -141,92 +122,55 @@ def _previous(machine: str, kept: Path) -> tuple[int | None, Path | None]:
     entries = served(history_of(machine))
     if len(entries) < 2:
         return None, None
-    names = names_of(machine, Path())
-    source, held = bundle_place(machine, entries[-2].bundle, names, Path())
-    copy_bundle(source, held, kept / machine)
+    place, bundle = bundle_place(machine, entries[-2].bundle, names_of(machine, Path()), Path())
+    copy_bundle(place, bundle, kept / machine)
     return entries[-2].version, kept / machine
 
 
-def _by(
-    given: Estimators, day: str, clean: Path, values: Mapping[str, Any], machine: str
-) -> Columns:
-    """State of a day by other models."""
-    import pyarrow.parquet as pq
-
-    cleaning = structure(
-        dict(values), section_path(dict(values), "cleaning", machine), CleanSettings
-    )
-    rows = DayRows(day=day, frame=read_state(clean, day), cleaning=cleaning,
-                   segments=pq.read_table(clean / "segments.parquet"))  # fmt: skip
-    return day_state(rows, given)[0]
-
-
-def write_day(
-    day: str, of: tuple[Series, Explained], previous: Mapping[str, Any], span: Span, folder: Path,
-    out: Path,
-) -> None:  # fmt: skip
-    """Write the rows of a day within the span: its state, and beside it the other estimates."""
-    state = read_day(folder, day).to_pandas()
-    t = pd.DatetimeIndex(state["time"]).as_unit("ns").asi8 / NS
-    columns: Columns = {"time": state["time"], **{name: state[name] for name in CONTEXT}}
-    units = dict(CONTEXT)
-    for name, table in of[0].items():
-        own = table["day"].to_numpy() == day
-        begins, lasts = (table[k].to_numpy(float)[own] for k in ("t", "seconds"))
-        place = np.searchsorted(begins, t, side="right") - 1
-        inside = (
-            (place >= 0) & (t < (begins + np.maximum(lasts, WINDOW_S))[place])
-            if own.any()
-            else t < 0
+def _table(
+    state: pd.DataFrame, standing: Standing, others: Mapping[str, Mapping[str, Any]],
+    previous: Mapping[str, Any],
+) -> pd.DataFrame:  # fmt: skip
+    """Rows of a day's state with the windows of each quantity, and the estimates beside them."""
+    found = state[["time", *CONTEXT]].assign(t=_ns(state["time"]))
+    for name, table in standing.series.items():
+        own = table[["t", *PARTS[:4]]].assign(
+            **{key: one[name] for key, one in others.items() if name in one}
         )
+        length = max(float(table["seconds"].max()), WINDOW_S)
+        own = own.set_axis(["t", *(f"{name}_{key}" for key in own.columns[1:])], axis=1)
+        own = own.drop_duplicates("t").sort_values("t")
+        found = pd.merge_asof(found, own, on="t", tolerance=length)
+        if (before := previous.get(f"{name}_estimated")) is not None:
+            found[f"{name}_previous"] = before
+    return found.drop(columns="t")
 
-        def rows(values: Any) -> Any:
-            return (
-                np.where(inside, np.asarray(values, float)[own][place], np.nan)
-                if own.any()
-                else np.nan * t
-            )
 
-        for part in PARTS:
-            key = f"{name}_{part}"
-            kept = state.get(key, None) if name not in USUAL else None
-            columns[key] = (
-                kept
-                if kept is not None
-                else rows(
-                    table["measured"] - table["estimated"] if part == "residual" else table[part]
-                )
-            )
-        estimated = np.asarray(columns[f"{name}_estimated"], float)
-        columns[f"{name}_previous"] = previous.get(f"{name}_estimated", np.full(len(t), np.nan))
-        for part, row, found in of[1].parts:
-            if name in part.estimates:
-                change = part.estimates[name](found) - table["estimated"]
-                columns[f"{name}_{row.key}"] = estimated + rows(change)
-        unit = QUANTITIES[name][0] if name in QUANTITIES else USUAL[name][0]
-        units |= {key: unit for key in columns if key.startswith(f"{name}_")}
-    here = (t >= span[0]) & (t < span[1])
-    arrays = {name: pa.array(np.asarray(one)[here] if name != "time" else one[here], from_pandas=True)
-              for name, one in columns.items()}  # fmt: skip
-    fields = [pa.field(name, one.type if name in ("time", *CONTEXT) else pa.float32(),
-                       metadata={"unit": units.get(name, "")}) for name, one in arrays.items()]  # fmt: skip
-    write_table(pa.table(list(arrays.values()), names=list(arrays)).cast(pa.schema(fields)),
-                day_path(out, day))  # fmt: skip
+def _write(table: pd.DataFrame, standing: Standing, path: Path) -> None:
+    columns = pa.Table.from_pandas(table, preserve_index=False)
+    unit = {f"{name}_": one.unit for name, one in standing.quantities.items()}
+    fields = [
+        one.with_metadata({"unit": CONTEXT.get(one.name, "") or next(
+            (u for start, u in unit.items() if one.name.startswith(start)), "")})
+        for one in columns.schema
+    ]  # fmt: skip
+    write_table(columns.cast(pa.schema(fields)), path)
+
+
+def _ns(time: "pd.Series[Any]") -> "pd.Series[float]":
+    return pd.Series(pd.DatetimeIndex(time).as_unit("ns").asi8 / NS, index=time.index)
 
 
 def lines(found: Replay) -> Iterator[str]:
-    """What stands, what each part removes of it, and what is named."""
+    """What is named, what each part removes of the residual, and what is not compared."""
     yield found.sentence
     rows = [
         (row.submodel, row.part, f"{100 * row.removed:.0f} %",
          "-" if row.borrowed is None else f"{100 * row.borrowed:.0f} %",
-         f"spoils {row.spoilt.replace('_', ' ')}" if row.spoilt else
+         f"ruled out by {row.spoilt.replace('_', ' ')}" if row.spoilt else
          ", ".join(f"{name} {value:.3g}" for name, value in row.parameters.items()))
         for row in found.replaced
     ]  # fmt: skip
-    if rows:
-        yield from aligned(
-            [("replaced", "part", "removes", "with --with", "parameters"), *rows], words=5
-        )
-    for name, why in found.missing.items():
-        yield f"not compared: {name.replace('_', ' ')}: {why}"
+    head = ("replaced", "part", "removes", "with --with", "parameters")
+    yield from aligned([head, *rows], words=5) if rows else ()
+    yield from (f"not compared: {k.replace('_', ' ')}: {why}" for k, why in found.missing.items())

@@ -106,6 +106,7 @@ def _over_expected(state: pd.DataFrame, period_s: float) -> Iterator[tuple[Key, 
 
 
 def number_of(table: pd.DataFrame, name: str) -> Floats:
+    """A column of numbers (T,), NaN where it is not known or not recorded."""
     if name not in table:
         return np.full(len(table), np.nan)
     return table[name].to_numpy(np.float64, na_value=np.nan)

@@ -1,18 +1,17 @@
 """Replay of a span of production: quantities, parts of the twin replaced in turn, what is named.
 
-A table of a day has the rows of the twin's state: ``time``, its context, and for each quantity
-``_measured``, ``_estimated``, ``_low``, ``_high``, ``_previous`` (the version before) and a column
-for each part, ``_<sub-model>_<part>``: the estimate with that part replaced.
+A day's table has the rows of the twin's state; of each quantity ``_measured``, ``_estimated``,
+``_low``, ``_high``, ``_previous`` (the version before) and ``_<sub-model>_<part>``, the estimate
+with that part replaced, in windows of half a minute.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass
 
 SENSOR = "sensor"
 """Candidate beside the sub-models: the measured channel itself is wrong."""
-Basis = Literal["champion", "known-good days"]
-Outcome = Literal["named", "not told apart", "none explains", "nothing to explain"]
+LEAST_REMOVED, SURE = 0.5, 0.75
+"""Least share that a named part removes; share of the samples in which it is clearly best [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,18 +19,13 @@ class ReplayedQuantity:
     """A quantity over the span."""
 
     unit: str
-    basis: Basis
-    """Where its estimate comes from: a model that serves, or what is usual on known-good days."""
+    basis: str
+    """Where its estimate comes from: the champion, or known-good days."""
     seconds: float
     """Time over which it is compared [s]."""
     excess: float
     limit: float
-    """Greatest sum of the squared distance beyond 1, in half intervals, over windows in a row; the
-    sum from which on a residual stands."""
-    span: tuple[float, ...] = ()
-    """Begin of the first and of the last of these windows [s since 1970]; empty without one."""
-    rms: Mapping[str, float] = field(default_factory=dict)
-    """Root mean square of measured less champion, previous version and best part there [unit]."""
+    """Greatest rise of the sum of squared distances less 1; beyond the limit a residual stands."""
 
     @property
     def stands(self) -> bool:
@@ -47,11 +41,10 @@ class Replacement:
     """Its sub-model, or :data:`SENSOR`."""
     part: str
     parameters: Mapping[str, float]
-    """Parameters fitted to all that stands, with what they are."""
     removed: float
     """Share of what stands that it removes from blocks that it was not fitted to [1]."""
     best: float
-    """Share of the resampled blocks in which it alone is the best of all sub-models' [1]."""
+    """Share of samples of the blocks in which its sub-model alone clearly leaves the least [1]."""
     spoilt: str = ""
     """Quantity without a residual that would have one with it, which rules it out."""
     borrowed: float | None = None
@@ -76,15 +69,10 @@ class Replay:
     bundle: str
     version: int
     previous: int | None
-    """Hash and version of what serves, and the version that served before; None without one."""
+    """Hash and version of what serves; version that served before, None without one."""
     known_good: tuple[str, ...]
     borrowed: str
-    """Known-good days, and the span that parameters are borrowed from; empty without one."""
-    outcome: Outcome
-    named: tuple[str, ...]
-    """Sub-models that explain what stands: one, or several that are not told apart."""
-    sure: float | None
-    """Share of the resampled blocks that name the same [1]."""
+    """Known-good days; the span that parameters are borrowed from, empty without one."""
     quantities: Mapping[str, ReplayedQuantity]
     replaced: tuple[Replacement, ...]
     """Parts, the best first; empty where nothing stands."""
@@ -97,17 +85,22 @@ class Replay:
         return [name for name, one in self.quantities.items() if one.stands]
 
     @property
+    def named(self) -> tuple[str, ...]:
+        """Sub-models that explain what stands: one, several that are not told apart, or none."""
+        fit = [one for one in self.replaced if not one.spoilt and one.removed >= LEAST_REMOVED]
+        if not fit or fit[0].best >= SURE:
+            return tuple(one.submodel for one in fit[:1])
+        return tuple(dict.fromkeys(one.submodel for one in fit))
+
+    @property
     def sentence(self) -> str:
         """What explains the residual, how sure, or why nothing does."""
-        what = ", ".join(name.replace("_", " ") for name in self.stands)
-        if self.outcome == "nothing to explain":
+        what = ", ".join(self.stands).replace("_", " ")
+        if not what:
             return "nothing to explain: what was measured lies where the twin expects it"
-        best = self.replaced[0] if self.replaced else None
-        share = f"{100 * best.removed:.0f} %" if best and not best.spoilt else "none"
-        if best is None or self.outcome == "none explains":
-            return f"no sub-model explains the residual of {what}: the best removes {share} of it"
-        if self.outcome == "named":
-            return (f"{best.submodel} explains the residual of {what}: its {best.part}, refitted, "
-                    f"removes {share} of it, sure to {100 * (self.sure or 0.0):.0f} %")  # fmt: skip
-        return (f"{' or '.join(self.named)} explains the residual of {what}, not told apart; the "
-                f"best, {best.submodel} {best.part}, removes {share} of it")  # fmt: skip
+        if not self.named:
+            return f"no sub-model explains the residual of {what}"
+        best = self.replaced[0]
+        share = f"{best.part}, refitted, removes {100 * best.removed:.0f} % of it"
+        sure = f", sure to {100 * best.best:.0f} %" if len(self.named) == 1 else ""
+        return f"{' or '.join(self.named)} explains the residual of {what}{sure}: {share}"
