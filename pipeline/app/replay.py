@@ -1,4 +1,4 @@
-"""Command ``kerf replay``: a span of production, its models, and what would explain the residual."""
+"""Command ``kerf replay``: a span of production, its models, what explains the residual."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -12,9 +12,11 @@ import pyarrow.parquet as pq
 from pipeline.app.fleet import DATA, check_machine, machine_parameters
 from pipeline.app.output import aligned
 from pipeline.champions.serving import bundle_place, champion_of, history_of, names_of
-from pipeline.monitoring.day_estimates import TEMPERATURE, DayRows, day_state
+from pipeline.monitoring.budget import MonitoringSettings
+from pipeline.monitoring.day_estimates import TEMPERATURE, DayRows, day_state, spindle_power
+from pipeline.monitoring.nightly import serving_models
 from pipeline.monitoring.replay import Standing, replacements, standing_of
-from pipeline.monitoring.replay_parts import ThermalRuns, parts_of
+from pipeline.monitoring.replay_parts import parts_of
 from pipeline.monitoring.replay_windows import OF_CHAMPION, USUAL, WINDOW_S, series_of
 from pipeline.monitoring.state import estimators_of
 from pipeline.parameters import read_params, section_path, structure
@@ -29,6 +31,7 @@ from pipeline.schema.twin_state import CONTEXT, MANIFEST, PARTS, TwinState, day_
 from pipeline.signals.cleaning.settings import CleanSettings
 from pipeline.signals.windows import read_state
 from pipeline.submodels.cases import Records
+from pipeline.submodels.spindle.reruns import ThermalRuns
 
 REPLAY = "replay.json"
 WHY = {"cut_load": "no load of a program and tool", "morning_temperature": "no first temperature",
@@ -61,8 +64,10 @@ def replayed(machine: str, first: str, last: str, other: str, out: Path) -> Repl
     good = tuple(day for day, one in state.days.items() if one.role == "training")
     records, values = Records.of_machine(DATA, machine, champion), read_params()
     common = (records, {}, read_golden(DATA / "golden" / f"{machine}.json"), values)
-    given, run = estimators_of(champion, *common), [*days, *(day for some in lent for day in some)]
-    series = series_of(folder, clean, {*run, *good}, good, given.power)
+    run = [*days, *(day for some in lent for day in some)]
+    serving = serving_models(champion, values, MonitoringSettings())
+    power = spindle_power(serving.get("cutting"))
+    series = series_of(folder, clean, {*run, *good}, good, power)
     standing = standing_of(series, spans[0], good)
     missing = {name: state.days[days[0]].unknown.get(name, "not measured") for name in OF_CHAMPION}
     missing |= {name: f"{WHY.get(name, 'no load at a speed outside of cuts')} as on two known-good "
@@ -73,7 +78,8 @@ def replayed(machine: str, first: str, last: str, other: str, out: Path) -> Repl
         raise ValueError(f"{machine} has nothing to compare from {first} to {last}: {why}")
     thermal = None
     if TEMPERATURE in series:
-        thermal = ThermalRuns.of(given.serving["spindle"].model, series[TEMPERATURE], clean, run)
+        states = {day: read_state(clean, day) for day in run}
+        thermal = ThermalRuns.of(serving["spindle"].model, series[TEMPERATURE], states)
     parts = parts_of(series, standing.masks, thermal, standing.begin)
     found = replacements(standing, parts, *(standing.over(one) for one in spans[1:]))
     others = {row.key: {name: one(p) for name, one in part.estimates.items()}
@@ -89,11 +95,11 @@ def replayed(machine: str, first: str, last: str, other: str, out: Path) -> Repl
             table = _table(read_day(folder, day).to_pandas(), standing, others, own)
             here = _ns(table["time"]).between(*spans[0], inclusive="left")
             _write(table[here.to_numpy()], standing, day_path(out, day))
-    serving = champion_of(machine)
+    chosen, own = champion_of(machine), machine_parameters(machine)["machine"][machine]
     replay = Replay(
-        machine=machine, origin=machine_parameters(machine)["machine"][machine]["identity"]["origin"],
+        machine=machine, origin=own["identity"]["origin"],
         first=first, last=last, days=days, bundle=state.bundle, previous=version,
-        version=serving.version if serving else 0, known_good=good, borrowed=other,
+        version=chosen.version if chosen else 0, known_good=good, borrowed=other,
         quantities=standing.quantities, replaced=tuple(row for row, *_ in found), missing=missing,
     )  # fmt: skip
     write_json(replay, out / REPLAY)

@@ -27,8 +27,8 @@ MOST_Z, RISE_Z = 10.0, 5.0
 single one stands."""
 MARGIN, FLOOR, FLOORS = 2.0, 120.0, {TEMPERATURE: 600.0, MORNING: 600.0, CYCLES: 200.0}
 """Limit of the sum over the most of a known-good day; least limit: an hour at 1.4 half intervals,
-five hours of a temperature, which hangs together over hours, eight slow cycles.  Of a span with
-fewer windows, but for cycles, it is their number: all of them at 1.4 half intervals."""
+or all of a shorter span; five hours of a temperature, which hangs together over hours, and eight
+slow cycles, of any span."""
 START_S = 3600.0
 """Time after the begin of a day's records within which what stands began with them [s]: a sensor
 that reads too much stands out as the spindle warms."""
@@ -106,7 +106,7 @@ class Standing:
             return np.zeros(0)
         found = least_squares(
             lambda p: self.z(self.estimates(part, p))[chosen], np.zeros(len(part.words)),
-            loss="soft_l1", diff_step=1e-2, x_scale=np.ones(len(part.words)), max_nfev=40,
+            loss="soft_l1", diff_step=1e-2, x_scale=np.ones(len(part.words)), max_nfev=20,
         )  # fmt: skip
         return np.asarray(found.x, dtype=float)
 
@@ -134,9 +134,7 @@ def standing_of(series: Series, span: tuple[float, float], known_good: Sequence[
         here = np.flatnonzero((t >= span[0]) & (t < span[1]))
         if not len(here):
             continue
-        least = (
-            FLOORS.get(name, FLOOR) if name == CYCLES else min(FLOORS.get(name, FLOOR), len(here))
-        )
+        least = FLOORS.get(name, min(FLOOR, len(here)))
         usual = [MARGIN * largest_rise(z[day == one])[0] for one in known_good]
         rise, first, after = largest_rise(z[here])
         found[name] = ReplayedQuantity(
@@ -161,7 +159,7 @@ def standing_of(series: Series, span: tuple[float, float], known_good: Sequence[
 def replacements(
     standing: Standing, parts: Iterable[Part], other: Standing | None = None
 ) -> list[tuple[Replacement, Part, Floats]]:
-    """Parts, the best first, with their parameters (P,) of all that stands.
+    """Parts, the best first, with their parameters (P,), the mean of both fits.
 
     ``other``: a span to borrow parameters from.
     """
@@ -173,9 +171,9 @@ def replacements(
     for part in parts:
         if not stands & part.estimates.keys():
             continue
-        halves = [standing.excess(standing.estimates(part, standing.fitted(part, half)))
-                  for half in (~even, even)]  # fmt: skip
-        own, whole, borrowed = np.where(even, *halves), standing.fitted(part, slice(None)), None
+        halves = [standing.fitted(part, half) for half in (~even, even)]
+        own = np.where(even, *(standing.excess(standing.estimates(part, p)) for p in halves))
+        whole, borrowed = np.mean(halves, axis=0), None
         if other is not None and other.masks.keys() & part.estimates.keys():
             lent = standing.estimates(part, other.fitted(part, slice(None)))
             borrowed = round(1 - float(standing.excess(lent).sum() / before), 4)

@@ -8,8 +8,7 @@ much starts the network b too high, and reads that of the network plus b.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,15 +18,11 @@ from pipeline.monitoring.day_estimates import TEMPERATURE
 from pipeline.monitoring.replay_windows import CUT, CYCLES, FREE, MORNING, Series
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.replay import SENSOR
-from pipeline.schema.si import DAY, HOUR, NS
+from pipeline.schema.si import DAY, HOUR
 from pipeline.schema.twin_state import AXES
-from pipeline.signals.windows import StateSegment, read_state
-from pipeline.thermal.network import SpindleThermalParameters
-from pipeline.twin.spindle import TARGET, SpindleModelFile, free_run, spindle_stretches
+from pipeline.submodels.spindle.reruns import SINKS, ThermalRuns, factor
 
 BEARINGS, LOAD = ("bearing_friction", "windage"), ("copper", "load_speed")
-MOST_LN = 4.0
-"""Greatest magnitude of a logarithm of a factor [1]."""
 Estimate = Callable[[Floats], Any]
 """Estimate (W,) of a quantity's windows by the parameters of a part (P,), 0 for the champion's."""
 
@@ -43,62 +38,9 @@ class Part:
 
     def parameters(self, p: Floats) -> dict[str, float]:
         """Parameters (P,) as they are read, by their words."""
-        values = [float(_factor(x)) if w[0] == "×" else float(x)
+        values = [float(factor(x)) if w[0] == "×" else float(x)
                   for w, x in zip(self.words, p, strict=True)]  # fmt: skip
         return {w: float(f"{x:.4g}") for w, x in zip(self.words, values, strict=True)}
-
-
-def _factor(ln: Any) -> Any:
-    return np.exp(np.clip(ln, -MOST_LN, MOST_LN))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ThermalRuns:
-    """Free runs of the champion's network over days, beside the windows of the temperature."""
-
-    model: SpindleModelFile
-    table: pd.DataFrame
-    runs: Sequence[tuple[StateSegment, Any, Any, Floats]]
-    """Stretch of each day, places of its windows in the table, their steps, the network's run."""
-
-    @classmethod
-    def of(
-        cls, model: SpindleModelFile, table: pd.DataFrame, clean: Path, days: Sequence[str]
-    ) -> "ThermalRuns":
-        """Runs over ``days``; a day that the network cannot run over has none."""
-        runs = []
-        for day in sorted(set(days) & set(table["day"])):
-            found = spindle_stretches(
-                read_state(clean, day), day, model.records, step=model.fit.step_s, bridge_s=np.inf,
-                shortest_s=0.0,
-            )  # fmt: skip
-            for one in list(found)[:1]:
-                places = np.flatnonzero(table["day"] == day)
-                time = pd.DatetimeIndex(one.frame.index).as_unit("ns").asi8 / NS
-                steps = np.searchsorted(time, table["t"].to_numpy()[places], side="right") - 1
-                known = free_run(one, model.records, model.network)[0]
-                runs.append((one, places, np.maximum(steps, 0), known))
-        return cls(model=model, table=table, runs=runs)
-
-    def estimate(
-        self, network: Callable[[Any], SpindleThermalParameters], offset: Any = None
-    ) -> Floats:
-        """Estimate (W,) [degC] by networks of a run's begin [s]; ``offset`` (W,): read too much."""
-        found: Floats = self.table["estimated"].to_numpy(float, copy=True)
-        for one, places, steps, known in self.runs:
-            begin = 0.0 if offset is None else float(offset[places[0]])
-            frame = one.frame.assign(**{TARGET: one.frame[TARGET] - begin}) if begin else one.frame
-            new = network(self.table["t"].iat[places[0]])
-            run = free_run(replace(one, frame=frame), self.model.records, new)[0]
-            found[places] += (run - known)[steps]
-        return found if offset is None else found + offset
-
-    def scaled(self, air: float = 0.0, **ln: float) -> SpindleThermalParameters:
-        """The champion's network with factors on rates and heat sources, and warmer air [K]."""
-        network = self.model.network
-        rates = {k: _factor(x) * getattr(network, k) for k, x in ln.items() if hasattr(network, k)}
-        heating = {k: v * _factor(ln.get(k, 0.0)) for k, v in network.heating.items()}
-        return replace(network, heating=heating, ambient=network.ambient + air, **rates)
 
 
 def parts_of(
@@ -144,7 +86,7 @@ def parts_of(
 
 def _times(table: pd.DataFrame, where: Any = True) -> Estimate:
     estimated = table["estimated"].to_numpy(float)
-    return lambda p: np.where(where, _factor(p[0]) * estimated, estimated)
+    return lambda p: np.where(where, factor(p[0]) * estimated, estimated)
 
 
 def _friction(series: Series, begin: float, *, n_law: bool) -> dict[str, Estimate]:
@@ -160,7 +102,7 @@ def _friction(series: Series, begin: float, *, n_law: bool) -> dict[str, Estimat
             under = under[np.argmax(n)] * (n / n.max()) ** (5 / 3)
         days = _days(t, begin)
         found[name] = lambda p, e=estimated, u=under, days=days: (
-            e + u * (_factor(p[0] + p[1] * days) - 1)
+            e + u * (factor(p[0] + p[1] * days) - 1)
         )
     return found
 
@@ -174,9 +116,8 @@ def _thermal(
     thermal: ThermalRuns, friction: Mapping[str, Estimate], begin: float
 ) -> Iterator[Part]:
     """Parts of the spindle: its cooling, its bearings, its whole network."""
-    network, records = thermal.model.network, thermal.model.records
-    sinks = ("cooling_rate", "body_cooling_rate", "coolant_rate")
-    sinks = ("coupling_rate",) if network.fixed_body else sinks
+    records = thermal.model.records
+    sinks = ("coupling_rate",) if thermal.model.network.fixed_body else SINKS
 
     def grown(p: Floats, names: Sequence[str]) -> Floats:
         return thermal.estimate(
@@ -213,7 +154,7 @@ def _sensor(series: Series, thermal: ThermalRuns, begin: float) -> Iterator[Part
         return np.where(hours >= 0, p[0] + p[1] * hours, 0.0)
 
     drift: dict[str, Estimate] = {
-        TEMPERATURE: lambda p: thermal.estimate(lambda t: thermal.model.network, more(table, p))
+        TEMPERATURE: lambda p: thermal.estimate(lambda t: thermal.scaled(), more(table, p))
     }
     same: dict[str, Estimate] = {TEMPERATURE: lambda p: np.full(len(table), middle + p[0])}
     if morning is not None:

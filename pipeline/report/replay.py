@@ -39,8 +39,8 @@ def write_replay_page(found: Replay, folder: Path, out: Path, made: Made) -> Non
     marks = [(float(k), day_words(str((first + pd.Timedelta(days=k)).date())))
              for k in range(0, n, max(n // 7, 1))]  # fmt: skip
     caption = "Medians over five minutes; the champion stands for the machine without the fault."
-    figure = strips_figure([_strip(name, found, rows) for name in shown],
-                           Axis(words="Time of the plant", span=(0.0, float(n)), marks=marks), caption)  # fmt: skip
+    axis = Axis(words="Time of the plant", span=(0.0, float(n)), marks=marks)
+    figure = strips_figure([_strip(name, found, rows) for name in shown], axis, caption)
     page = StandalonePage(
         program=f"Replay of {found.machine}", machine=found.machine, origin=found.origin,
         about=f"{found.first} to {found.last}", running="Replay",
@@ -56,8 +56,9 @@ def write_replay_page(found: Replay, folder: Path, out: Path, made: Made) -> Non
                 "A part is fitted to every other block of what stands beyond the intervals, and "
                 "removes so much of it from the blocks between."],
                 blocks=present(tabulated("Parts", found.replaced, PARTS, source))),
-            Section(key="compared", title="What was compared", text=list(_text(found)), blocks=present(
-                tabulated("Quantities", list(found.quantities.items()), QUANTITIES, source))),
+            Section(key="compared", title="What was compared", text=list(_text(found)),
+                    blocks=present(tabulated("Quantities", list(found.quantities.items()),
+                                             QUANTITIES, source))),
         ],
         computed="Estimates are computed; what stands as measured comes from the control’s log.",
     )  # fmt: skip

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import date, timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +45,8 @@ class Fault:
     """Feed override that somebody leaves set, from the fault on [%]; 0 for none."""
 
 
-def _spindle(machine: MachineState, **parts: float) -> None:
+def set_spindle(machine: MachineState, **parts: Any) -> None:
+    """Change parameters of the simulated spindle from now on."""
     spindle = machine.parameters.spindle
     machine.parameters = replace(machine.parameters, spindle=replace(spindle, **parts))
 
@@ -58,7 +60,7 @@ def cooling_failure(machine: MachineState, day: Timeline, since: int) -> tuple[i
     """The pump of the chiller stands: its jackets keep a twentieth of their conductance."""
     if since == 0:
         paths = machine.parameters.spindle.paths
-        _spindle(
+        set_spindle(
             machine,
             paths=replace(
                 paths,
@@ -72,7 +74,7 @@ def cooling_failure(machine: MachineState, day: Timeline, since: int) -> tuple[i
 def bearing_friction(machine: MachineState, day: Timeline, since: int) -> tuple[int, int] | None:
     """Lubricant's share of the friction of both bearings: twice as high each day."""
     spindle = machine.parameters.spindle
-    _spindle(
+    set_spindle(
         machine,
         front=replace(spindle.front, f0=min(2.0 * spindle.front.f0, 10.0)),
         rear=replace(spindle.rear, f0=min(2.0 * spindle.rear.f0, 10.0)),
@@ -91,7 +93,7 @@ def _operations(day: Timeline, least: float) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in spans if b - a > 240 and heavy[a:b].mean() > 0.5]
 
 
-def _one(day: Timeline, since: int, least: float) -> tuple[int, int] | None:
+def one_operation(day: Timeline, since: int, least: float) -> tuple[int, int] | None:
     """The operation after ten o'clock of the first day."""
     found = [one for one in _operations(day, least) if one[0] > 10 * 3600]
     return found[0] if since == 0 and found else None
@@ -100,7 +102,7 @@ def _one(day: Timeline, since: int, least: float) -> tuple[int, int] | None:
 def tool_breakage(machine: MachineState, day: Timeline, since: int) -> tuple[int, int] | None:
     """Half a minute into an operation the tool breaks: it meets nothing for the next half hour."""
     rated = machine.parameters.spindle.motor.rated_power
-    if (found := _one(day, since, 0.15 * rated)) is None:
+    if (found := one_operation(day, since, 0.15 * rated)) is None:
         return None
     a = found[0] + 30
     b, tool = min(a + 1800, day.off), day.tool[a]
@@ -111,7 +113,7 @@ def tool_breakage(machine: MachineState, day: Timeline, since: int) -> tuple[int
 def worn_tool(machine: MachineState, day: Timeline, since: int) -> tuple[int, int] | None:
     """A tool needs 1.6 times its power from ten o'clock on to the end of the day."""
     rated = machine.parameters.spindle.motor.rated_power
-    if (found := _one(day, since, 0.15 * rated)) is None:
+    if (found := one_operation(day, since, 0.15 * rated)) is None:
         return None
     a = found[0]
     day.cut_power[a:][day.tool[a:] == day.tool[a]] *= 1.6
@@ -121,7 +123,7 @@ def worn_tool(machine: MachineState, day: Timeline, since: int) -> tuple[int, in
 def overload(machine: MachineState, day: Timeline, since: int) -> tuple[int, int] | None:
     """For two minutes a cut needs 1.3 times the rated power."""
     rated = machine.parameters.spindle.motor.rated_power
-    if (found := _one(day, since, 0.15 * rated)) is None:
+    if (found := one_operation(day, since, 0.15 * rated)) is None:
         return None
     a, b = found[0] + 60, found[0] + 180
     day.cut_power[a:b] = 1.3 * rated
@@ -131,7 +133,7 @@ def overload(machine: MachineState, day: Timeline, since: int) -> tuple[int, int
 def load_without_feed(machine: MachineState, day: Timeline, since: int) -> tuple[int, int] | None:
     """For two minutes the tool is jammed: the feed stands at 80 % load, the program runs."""
     rated = machine.parameters.spindle.motor.rated_power
-    if (found := _one(day, since, 0.15 * rated)) is None:
+    if (found := one_operation(day, since, 0.15 * rated)) is None:
         return None
     a, b = found[0] + 60, found[0] + 180
     day.cut_power[a:b], day.feed[a:b] = 0.8 * rated, 0.0

@@ -1,17 +1,59 @@
-"""Replay of injected faults of the simulated shop names the sub-model that explains the residual."""
+"""Replay of faults of the simulated shop names the sub-model that explains the residual.
+
+The weeks are those of the test of incidents and others, of other kinds and smaller sizes;
+``KERF_WEEKS`` and ``KERF_MORE_WEEKS`` name projects of them that an earlier run has made.  Quiet
+weeks name nothing.
+"""
+
+import os
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
-from dataclasses import replace
+import pytest
+
+from pipeline.app.replay import replayed
+from pipeline.schema.replay import SENSOR, Replay
 from pipeline.shop.sensors import MachineState, SensedDay
 from pipeline.shop.timeline import Timeline
-from tests.monitoring.faulty_weeks import Fault, _spindle, _one, day_span
+from tests.monitoring import faulty_weeks
+from tests.monitoring.faulty_weeks import (
+    MACHINE,
+    QUIET_WEEKS,
+    Fault,
+    Week,
+    day_span,
+    one_operation,
+    project_with_weeks,
+    read_weeks,
+    set_spindle,
+)
+from tests.monitoring.test_incidents_proof import BUILT
+from tests.small_project import inside
+
+RIGHT: Mapping[str, tuple[str, ...]] = {
+    "cooling failure": ("spindle",), "weaker cooling": ("spindle",),
+    "bearing friction": ("spindle",), "stiffer lubricant": ("spindle",),
+    "dead sensor": (SENSOR,), "drifting sensor": (SENSOR,), "sensor offset": (SENSOR,),
+    "slow drift": (SENSOR,), "load meter": (SENSOR,),
+    "tool breakage": ("cutting",), "worn tool": ("cutting",), "blunter tool": ("cutting",),
+    "overload": ("cutting",),
+    "axis friction": ("drive",), "stiff grease": ("drive",), "override left": ("control",),
+    "load without feed": (), "": (),
+}  # fmt: skip
+"""What a replay is to name; nothing where no sub-model has what happened, or nothing did."""
+SHORT = {"overload", "load without feed"}
+"""Faults of two minutes: replayed from a quarter of an hour before to one after."""
+SEEDS = 2
 
 
 def cooling_weaker(machine: MachineState, day: Timeline, since: int) -> tuple[int, int]:
     """The filter of the chiller clogs: the jackets keep a third of their conductance."""
     if since == 0:
         paths = machine.parameters.spindle.paths
-        _spindle(machine, paths=replace(paths, stator_jacket=0.35 * paths.stator_jacket,
+        set_spindle(machine, paths=replace(paths, stator_jacket=0.35 * paths.stator_jacket,
                                         housing_jacket=0.35 * paths.housing_jacket))  # fmt: skip
     return day_span(day)
 
@@ -20,14 +62,14 @@ def lubricant_stiffer(machine: MachineState, day: Timeline, since: int) -> tuple
     """The lubricant's share of the bearings' friction is three times as high from one day on."""
     if since == 0:
         spindle = machine.parameters.spindle
-        _spindle(machine, front=replace(spindle.front, f0=3.0 * spindle.front.f0),
+        set_spindle(machine, front=replace(spindle.front, f0=3.0 * spindle.front.f0),
                  rear=replace(spindle.rear, f0=3.0 * spindle.rear.f0))  # fmt: skip
     return day_span(day)
 
 
 def tool_blunter(machine: MachineState, day: Timeline, since: int) -> tuple[int, int] | None:
     """A tool needs 1.35 times its power from ten o'clock on to the end of the day."""
-    found = _one(day, since, 0.15 * machine.parameters.spindle.motor.rated_power)
+    found = one_operation(day, since, 0.15 * machine.parameters.spindle.motor.rated_power)
     if found is None:
         return None
     day.cut_power[found[0] :][day.tool[found[0] :] == day.tool[found[0]]] *= 1.35
@@ -79,3 +121,54 @@ FAULTS: dict[str, Fault] = {
     "stiff grease": Fault(after=axis_viscous),
     "override left": Fault(override=60.0),
 }
+
+
+pytestmark = [
+    pytest.mark.proof,
+    pytest.mark.skipif(
+        not (BUILT / "data/champion" / MACHINE).exists() and "KERF_WEEKS" not in os.environ,
+        reason="needs a built simulated fleet (`make repro`; KERF_BUILT names another)",
+    ),
+]
+
+
+def weeks_of(
+    variable: str, folder: Path, seeds: int, faults: Mapping[str, Fault], quiet: int
+) -> tuple[Path, list[Week]]:
+    """A project of weeks, made anew where the variable names none."""
+    if made := os.environ.get(variable):
+        return Path(made), read_weeks(Path(made))
+    return folder, project_with_weeks(BUILT, folder, seeds, faults, quiet)
+
+
+def replay_of(week: Week, out: Path) -> Replay:
+    """Replay of the days on which a fault acted, of a quiet week all of it."""
+    times = [np.datetime64(ns, "ns") for span in week.spans for ns in span]
+    first, last = (times[0], times[-1]) if times else (week.days()[0], week.days()[-1])
+    if week.fault in SHORT and times:
+        first, last = first - np.timedelta64(900, "s"), last + np.timedelta64(900, "s")
+        return replayed(MACHINE, str(first)[:19], str(last)[:19], "", out)
+    return replayed(MACHINE, str(first)[:10], str(last)[:10], "", out)
+
+
+def test_the_sub_model_of_a_fault_is_named_in_nine_of_ten(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    folders, out = (
+        [tmp_path_factory.mktemp(name) for name in ("weeks", "more")],
+        tmp_path_factory.mktemp("out"),
+    )
+    made = [weeks_of("KERF_WEEKS", folders[0], 3, faulty_weeks.FAULTS, QUIET_WEEKS),
+            weeks_of("KERF_MORE_WEEKS", folders[1], SEEDS, FAULTS, 0)]  # fmt: skip
+    right: dict[str, list[bool]] = {}
+    for folder, weeks in made:
+        with inside(folder):
+            for week in weeks:
+                found = replay_of(week, out)
+                right.setdefault(week.fault, []).append(found.named == RIGHT[week.fault])
+                sys.stdout.write(f"{week.fault or 'quiet'} {week.first}: {found.sentence}\n")
+    rows = [f"{name or 'quiet'} {sum(hits)}/{len(hits)}" for name, hits in right.items()]
+    sys.stdout.write("; ".join(rows) + "\n")
+    assert all(right.pop("")), "a quiet week names a sub-model"
+    hits = [hit for some in right.values() for hit in some]
+    assert sum(hits) >= 0.9 * len(hits)
