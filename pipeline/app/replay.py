@@ -9,7 +9,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.app.fleet import DATA, check_machine, machine_parameters
+from pipeline.app.fleet import DATA, check_machine, outside_fleet
 from pipeline.app.output import aligned
 from pipeline.champions.serving import bundle_place, champion_of, history_of, names_of
 from pipeline.monitoring.budget import MonitoringSettings
@@ -20,7 +20,7 @@ from pipeline.monitoring.replay_parts import parts_of
 from pipeline.monitoring.replay_windows import OF_CHAMPION, USUAL, WINDOW_S, series_of
 from pipeline.monitoring.state import estimators_of
 from pipeline.parameters import read_params, section_path, structure
-from pipeline.schema.bundle import copy_bundle, stored_bundle
+from pipeline.schema.bundle import MODEL, copy_bundle, stored_bundle
 from pipeline.schema.days import day_end, day_start, is_day, zone_of
 from pipeline.schema.golden import read_golden
 from pipeline.schema.history import served
@@ -32,6 +32,7 @@ from pipeline.signals.cleaning.settings import CleanSettings
 from pipeline.signals.windows import read_state
 from pipeline.submodels.cases import Records
 from pipeline.submodels.spindle.reruns import ThermalRuns
+from pipeline.twin.spindle import SpindleModelFile
 
 REPLAY = "replay.json"
 WHY = {"cut_load": "no load of a program and tool", "morning_temperature": "no first temperature",
@@ -46,6 +47,8 @@ def replayed(machine: str, first: str, last: str, other: str, out: Path) -> Repl
     ValueError where there is nothing to replay.
     """
     check_machine(machine)
+    if why := outside_fleet(machine):
+        raise ValueError(why)
     folder, clean, champion = (DATA / k / machine for k in ("twin_state", "clean", "champion"))
     state = read_json(folder / MANIFEST, TwinState, f"run `dvc repro state@{machine}`")
     if not state.days:
@@ -63,7 +66,7 @@ def replayed(machine: str, first: str, last: str, other: str, out: Path) -> Repl
                          f"{min(state.days)} to {max(state.days)}")  # fmt: skip
     good = tuple(day for day, one in state.days.items() if one.role == "training")
     records, values = Records.of_machine(DATA, machine, champion), read_params()
-    common = (records, {}, read_golden(DATA / "golden" / f"{machine}.json"), values)
+    sets, no_tools = read_golden(DATA / "golden" / f"{machine}.json"), dict[int, float]()
     run = [*days, *(day for some in lent for day in some)]
     serving = serving_models(champion, values, MonitoringSettings())
     power = spindle_power(serving.get("cutting"))
@@ -79,14 +82,15 @@ def replayed(machine: str, first: str, last: str, other: str, out: Path) -> Repl
     thermal = None
     if TEMPERATURE in series:
         states = {day: read_state(clean, day) for day in run}
-        thermal = ThermalRuns.of(serving["spindle"].model, series[TEMPERATURE], states)
+        model = read_json(champion / "spindle" / MODEL, SpindleModelFile)
+        thermal = ThermalRuns.of(model, series[TEMPERATURE], states)
     parts = parts_of(series, standing.masks, thermal, standing.begin)
     found = replacements(standing, parts, *(standing.over(one) for one in spans[1:]))
     others = {row.key: {name: one(p) for name, one in part.estimates.items()}
               for row, part, p in found}  # fmt: skip
     with TemporaryDirectory() as kept:
         version, bundle_before = _previous(machine, Path(kept))
-        before = estimators_of(bundle_before, *common) if bundle_before else None
+        before = bundle_before and estimators_of(bundle_before, records, no_tools, sets, values)
         cleaning = structure(values, section_path(values, "cleaning", machine), CleanSettings)
         for day in days:
             rows = DayRows(day=day, frame=read_state(clean, day), cleaning=cleaning,
@@ -95,7 +99,7 @@ def replayed(machine: str, first: str, last: str, other: str, out: Path) -> Repl
             table = _table(read_day(folder, day).to_pandas(), standing, others, own)
             here = _ns(table["time"]).between(*spans[0], inclusive="left")
             _write(table[here.to_numpy()], standing, day_path(out, day))
-    chosen, own = champion_of(machine), machine_parameters(machine)["machine"][machine]
+    chosen, own = champion_of(machine), values["machine"][machine]
     replay = Replay(
         machine=machine, origin=own["identity"]["origin"],
         first=first, last=last, days=days, bundle=state.bundle, previous=version,
@@ -146,7 +150,7 @@ def _table(
         length = max(float(table["seconds"].max()), WINDOW_S)
         own = own.set_axis(["t", *(f"{name}_{key}" for key in own.columns[1:])], axis=1)
         own = own.drop_duplicates("t").sort_values("t")
-        found = pd.merge_asof(found, own, on="t", tolerance=length)
+        found = pd.merge_asof(found, own, on="t", tolerance=length)  # type: ignore[arg-type]
         if (before := previous.get(f"{name}_estimated")) is not None:
             found[f"{name}_previous"] = before
     return found.drop(columns="t")

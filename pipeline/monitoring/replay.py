@@ -104,10 +104,13 @@ class Standing:
 
         if not part.words:
             return np.zeros(0)
-        found = least_squares(
-            lambda p: self.z(self.estimates(part, p))[chosen], np.zeros(len(part.words)),
-            loss="soft_l1", diff_step=1e-2, x_scale=np.ones(len(part.words)), max_nfev=20,
-        )  # fmt: skip
+
+        def residuals(p: Floats) -> Floats:
+            return self.z(self.estimates(part, p))[chosen]
+
+        start = np.zeros(len(part.words))
+        found = least_squares(residuals, start, loss="soft_l1", diff_step=start + 1e-2,
+                              max_nfev=20)  # fmt: skip
         return np.asarray(found.x, dtype=float)
 
     def spoilt(self, part: Part, p: Floats) -> str:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from pipeline.charts.bands import Axis, Strip, strips_figure
@@ -67,13 +68,15 @@ def write_replay_page(found: Replay, folder: Path, out: Path, made: Made) -> Non
 
 def _strip(name: str, found: Replay, rows: pd.DataFrame) -> Strip:
     best = {found.replaced[0].key: "free"} if found.named else {}
-    x = ((rows.index - pd.Timestamp(found.days[0])) / pd.Timedelta(days=1)).to_numpy(float)
+    first = np.datetime64(found.days[0])
+    x = ((rows.index.to_numpy() - first) / np.timedelta64(1, "D")).astype(float)
     unit = UNITS.get(found.quantities[name].unit, "")
     return Strip(
         head=f"{name.replace('_', ' ').capitalize()}, {unit}", unit=unit,
         curves=[(kind, x, rows[f"{name}_{part}"].to_numpy(float))
                 for part, kind in (CURVES | best).items() if f"{name}_{part}" in rows],
-        areas=[("s-band", x, *(rows[f"{name}_{end}"].to_numpy(float) for end in ("low", "high")))],
+        areas=[("s-band", x, rows[f"{name}_low"].to_numpy(float),
+                rows[f"{name}_high"].to_numpy(float))],
     )  # fmt: skip
 
 

@@ -78,7 +78,7 @@ def tool_blunter(machine: MachineState, day: Timeline, since: int) -> tuple[int,
 
 def sensor_offset(day: SensedDay, since: int) -> tuple[int, int]:
     """The sensor of the spindle reads 6 K more from one morning on."""
-    day.numbers["S1temp"] = day.numbers["S1temp"] + 6.0
+    day.numbers["S1temp"] = np.asarray(day.numbers["S1temp"] + 6.0)
     return day_span(day.timeline)
 
 
@@ -144,11 +144,12 @@ def weeks_of(
 def replay_of(week: Week, out: Path) -> Replay:
     """Replay of the days on which a fault acted, of a quiet week all of it."""
     times = [np.datetime64(ns, "ns") for span in week.spans for ns in span]
-    first, last = (times[0], times[-1]) if times else (week.days()[0], week.days()[-1])
-    if week.fault in SHORT and times:
-        first, last = first - np.timedelta64(900, "s"), last + np.timedelta64(900, "s")
-        return replayed(MACHINE, str(first)[:19], str(last)[:19], "", out)
-    return replayed(MACHINE, str(first)[:10], str(last)[:10], "", out)
+    if not times:
+        return replayed(MACHINE, week.days()[0], week.days()[-1], "", out)
+    about = np.timedelta64(900 if week.fault in SHORT else 0, "s")
+    first, last = (str(one)[: 19 if week.fault in SHORT else 10]
+                   for one in (times[0] - about, times[-1] + about))  # fmt: skip
+    return replayed(MACHINE, first, last, "", out)
 
 
 def test_the_sub_model_of_a_fault_is_named_in_nine_of_ten(
