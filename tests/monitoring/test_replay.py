@@ -12,19 +12,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.champions.promotion import promote
 from pipeline.monitoring.replay import largest_rise, replacements, standing_of
 from pipeline.monitoring.replay_parts import parts_of
 from pipeline.monitoring.replay_windows import Series
 from pipeline.monitoring.state import write_twin_state
 from pipeline.parameters import read_params
+from pipeline.schema.bundle import bundle_of, copy_bundle
 from pipeline.schema.golden import Days
+from pipeline.schema.history import Entry, write_history
 from pipeline.schema.replay import Replay
 from pipeline.schema.store import read_json, write_json, write_table
 from pipeline.schema.twin_state import MANIFEST, TwinState
 from pipeline.signals.cleaning.settings import CleanSettings
 from pipeline.submodels.cases import Records, Roles
-from tests.bundled_project import DAYS, MACHINE, project, quick_stores, registered, spindle
+from tests.bundled_project import DAYS, MACHINE, project, spindle
 from tests.small_project import inside
 from tests.submodels.spindle.spindle_days import ONE, state_table
 from tests.test_cli import kerf, refused
@@ -133,11 +134,17 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     (root / f"conf/machine/{MACHINE}.yaml").write_text("")
     params = root / "params.yaml"
     params.write_text(f"{params.read_text()}cleaning: {{}}\n")
-    with quick_stores():
-        spindle(root, 3.0)
-        registered(root)
-        spindle(root, 0.0)
-        promote(MACHINE, root, why="better", anyway=True)
+    entries: list[Entry] = []
+    for version, (home, error_K) in enumerate({"warm": 3.0, "champion": 0.0}.items(), start=1):
+        bundle = bundle_of(models := spindle(root, error_K), MACHINE, ("spindle",))
+        (root / "data" / home).mkdir(parents=True)
+        copy_bundle(models, bundle, root / "data" / home / MACHINE)
+        entries.append(Entry(
+            machine=MACHINE, number=version, event="promoted" if entries else "first",
+            version=version, bundle=bundle.sha256, at=f"2026-01-0{version}T00:00:00Z", by="Kim",
+            why="better", before=entries[-1].sha256 if entries else "",
+        ))  # fmt: skip
+    write_history(entries, root / f"data/history/{MACHINE}.jsonl")
     yield root
 
 
