@@ -32,20 +32,21 @@ slow cycles, of any span."""
 START_S = 3600.0
 """Time after the begin of a day's records within which what stands began with them [s]: a sensor
 that reads too much stands out as the spindle warms."""
-BLOCK_S, BLOCKS = 1800.0, 8
-"""Longest block [s]; least number of blocks of what stands, each at least a window."""
+BLOCK, BLOCKS = 60, 16
+"""Most windows of a block, half an hour of them; least blocks of a quantity, where it has so many
+windows."""
 CLEAR, DRAWS = 0.8, 500
 """Most that a clear part leaves over the best of another sub-model [1]; samples of the blocks."""
 
 
 def distance(table: pd.DataFrame, estimated: Any = None) -> Floats:
-    """Distance z (W,) from the champion's interval, kept around another estimate, clipped."""
+    """Distance z (W,) from the champion's interval, kept around another estimate."""
     middle, measured, low, high = (
         table[name].to_numpy(float) for name in ("estimated", "measured", "low", "high")
     )
     residual = measured - np.asarray(middle if estimated is None else estimated, dtype=float)
     half = np.maximum(np.where(residual > 0, high - middle, middle - low), 1e-9)
-    return np.clip(residual / half, -MOST_Z, MOST_Z)
+    return np.asarray(residual / half, dtype=float)
 
 
 def largest_rise(z: Floats) -> tuple[float, int, int]:
@@ -74,10 +75,9 @@ class Standing:
     def blocks(self) -> Any:
         """Number of the block of each window, none of two quantities; shape (N,)."""
         found, first = [np.zeros(0, dtype=int)], 0
-        for name, mask in self.masks.items():
-            t = self.series[name]["t"].to_numpy(float)[mask]
-            length = min(BLOCK_S, max((t[-1] - t[0]) / BLOCKS, 1e-6))
-            found.append(first + np.unique(np.floor((t - t[0]) / length), return_inverse=True)[1])
+        for mask in self.masks.values():
+            place = np.arange(n := int(mask.sum()))
+            found.append(first + place // min(BLOCK, max(n // BLOCKS, 1)))
             first = int(found[-1].max()) + 1
         return np.concatenate(found)
 
@@ -92,7 +92,8 @@ class Standing:
         """Squared distance beyond the interval (N,), over the limit of the quantity."""
         limits = [np.full(mask.sum(), self.quantities[name].limit)
                   for name, mask in self.masks.items()]  # fmt: skip
-        return np.maximum(np.abs(self.z(estimates)) - 1.0, 0.0) ** 2 / np.concatenate(limits)
+        beyond = np.clip(np.abs(self.z(estimates)) - 1.0, 0.0, MOST_Z)
+        return beyond**2 / np.concatenate(limits)
 
     def estimates(self, part: Part, p: Floats) -> dict[str, Any]:
         """Estimates of those of the quantities that a part has, by its parameters (P,)."""

@@ -2,7 +2,7 @@
 
 Temperature, no-load power and following error have the champion's estimate.  Load of a cut, load of
 an axis and cycle time have what is usual on the known-good days: of the same program and tool at
-the same speed and feed, of the same speed of the axis, of the same program.  So has the first
+a like speed and feed, of the same speed of the axis, of the same program.  So has the first
 temperature of a day, above the air where that is recorded: in the morning a spindle is as cold as
 ever, whatever heats it at work, and a sensor that reads too much does so then too.  The interval of
 what is usual is that of a day to come, by Student's t between days, or of windows where that is
@@ -26,8 +26,9 @@ from pipeline.signals.windows import read_state
 
 WINDOW_S, LEAST_S = 30.0, 5.0
 """Length of a window, whose rows their median stands for, and their least time [s]."""
-COMPARED = {"speed": 0.05, "feed": 0.1}
-"""Share by which speed and feed of a cut may differ from the usual ones."""
+COMPARED, NEAR = {"speed", "feed"}, (0.6, 1.6)
+"""Influences on the load of a cut, and their range over the usual one: the load goes with a power
+of each between 0 and 1, which its interval holds."""
 LEAST_DAYS, LEAST_WINDOWS = 2, 18
 """Known-good days, and windows on them but for cycles and mornings, that make something usual."""
 LEAST_SHARE, TWICE = 0.02, 2.0
@@ -134,27 +135,30 @@ def _with_usual(table: pd.DataFrame, keys: list[str], known_good: Sequence[str])
     n = between.size()
     spread = between.std() * stats.t.ppf(0.95, n - 1) * np.sqrt(1 + 1 / n)
     usual = pd.DataFrame({"estimated": middle, "spread": spread.clip((high - low) / 2)})
-    for name in COMPARED.keys() & set(table):
+    for name in COMPARED & set(table):
         usual[f"usual_{name}"] = good.groupby(keys)[name].median()
     few = LEAST_WINDOWS if "at" in keys or "tool_number" in keys else 1
     usual = usual[(n >= LEAST_DAYS) & (grouped.size() >= few)]
     table = table.join(usual, on=keys).dropna(subset="estimated")
-    for name in COMPARED.keys() & set(table):
-        off = (table[name] / table[f"usual_{name}"] - 1).abs()
-        table = table[off <= COMPARED[name]]
-    half = table[["own", "spread"]].max(axis=1).clip(LEAST_SHARE * table["estimated"].abs())
+    middle, half = table["estimated"], table[["own", "spread"]].max(axis=1)
+    half = half.clip(LEAST_SHARE * middle.abs())
+    for name in COMPARED & set(table):
+        ratio = (table[name] / table[f"usual_{name}"]).where(lambda one: one.between(*NEAR))
+        half = half + middle * (ratio**0.5 - ratio**-0.5).abs() / 2
+        middle = middle * ratio**0.5
+    table = table.assign(estimated=middle).dropna(subset="estimated")
+    half = half[table.index]
     ends = {"low": table["estimated"] - half, "high": table["estimated"] + half}
     return table.assign(**ends).sort_values("t", ignore_index=True)
 
 
 def _no_load_percent(table: pd.DataFrame, power: SpindlePower | None) -> Any:
-    """Load of the no-load power at the speed of each window (W,) [%]; 0 where it is not known."""
+    """Load of the no-load power at the speed of each window (W,) [%], held beyond its speeds."""
     if power is None:
         return 0.0
-    n = table["speed"].to_numpy(float) / MINUTE
-    with np.errstate(divide="ignore", invalid="ignore"):
-        found = power.no_load(n)[0] / power.records.scale.power(np.ones(len(n)), n)
-    return np.where(np.isfinite(found), found, 0.0)
+    speeds = [one.speed_rpm for one in power.curve]
+    n = table["speed"].clip(min(speeds), max(speeds)).to_numpy(float) / MINUTE
+    return power.no_load(n)[0] / power.records.scale.power(np.ones(len(n)), n)
 
 
 def _ns(times: Any) -> Any:
