@@ -104,7 +104,7 @@ def replay(
     from pipeline.app.output import check_folder
     from pipeline.app.page_record import made_by_command
     from pipeline.app.replay import REPLAY, lines, replayed
-    from pipeline.report.replay import write_replay_page
+    from pipeline.app.replay_page import write_replay_page
 
     with one_sentence():
         check_folder(out)

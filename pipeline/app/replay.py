@@ -15,7 +15,7 @@ from pipeline.champions.serving import bundle_place, champion_of, history_of, na
 from pipeline.monitoring.budget import MonitoringSettings
 from pipeline.monitoring.day_estimates import TEMPERATURE, DayRows, day_state, spindle_power
 from pipeline.monitoring.nightly import serving_models
-from pipeline.monitoring.replay import Standing, replacements, standing_of
+from pipeline.monitoring.replay import Replay, Standing, replacements, standing_of
 from pipeline.monitoring.replay_parts import parts_of
 from pipeline.monitoring.replay_windows import OF_CHAMPION, USUAL, WINDOW_S, series_of
 from pipeline.monitoring.state import estimators_of
@@ -24,7 +24,6 @@ from pipeline.schema.bundle import MODEL, copy_bundle, stored_bundle
 from pipeline.schema.days import day_end, day_start, is_day, zone_of
 from pipeline.schema.golden import read_golden
 from pipeline.schema.history import served
-from pipeline.schema.replay import Replay
 from pipeline.schema.si import NS
 from pipeline.schema.store import read_json, write_json, write_table
 from pipeline.schema.twin_state import CONTEXT, MANIFEST, PARTS, TwinState, day_path, read_day

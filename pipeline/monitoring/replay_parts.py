@@ -17,12 +17,13 @@ import pandas as pd
 from pipeline.monitoring.day_estimates import TEMPERATURE
 from pipeline.monitoring.replay_windows import CUT, CYCLES, FREE, MORNING, Series
 from pipeline.schema.arrays import Bools, Floats
-from pipeline.schema.replay import SENSOR
 from pipeline.schema.si import DAY, HOUR
 from pipeline.schema.twin_state import AXES
 from pipeline.submodels.spindle.reruns import SINKS, ThermalRuns, factor
 
 BEARINGS, LOAD = ("bearing_friction", "windage"), ("copper", "load_speed")
+SENSOR = "sensor"
+"""Candidate beside the sub-models: the measured channel itself is wrong."""
 Estimate = Callable[[Floats], Any]
 """Estimate (W,) of a quantity's windows by the parameters of a part (P,), 0 for the champion's."""
 
@@ -66,8 +67,7 @@ def parts_of(
     for axis in AXES:
         if (load := series.get(f"{axis}_load")) is not None:
             yield Part("drive", f"friction of {axis.upper()}", ("% of load", "% for each mm/s"),
-                       {f"{axis}_load": lambda p, of=load: (
-                           of["estimated"] + p[0] + p[1] * of["speed"])})  # fmt: skip
+                       {f"{axis}_load": _moving(load)})  # fmt: skip
         if (name := f"{axis}_following_error") in series:
             yield Part("drive", f"loop of {axis.upper()}", ("× lag",), {name: _times(series[name])})
     if (cycles := series.get(CYCLES)) is not None:
@@ -82,6 +82,15 @@ def parts_of(
         )
     if read.keys() - {TEMPERATURE}:
         yield Part(SENSOR, "spindle load", ("× shown load",), read)
+
+
+def _moving(load: pd.DataFrame) -> Estimate:
+    return lambda p: load["estimated"] + p[0] + p[1] * load["speed"]
+
+
+def _after(one: Estimate, first: int) -> Estimate:
+    """An estimate by the parameters from ``first`` on."""
+    return lambda p: one(p[first:])
 
 
 def _times(table: pd.DataFrame, where: Any = True) -> Estimate:
@@ -100,11 +109,12 @@ def _friction(series: Series, begin: float, *, n_law: bool) -> dict[str, Estimat
         under = estimated if name == FREE else series[name]["under"].to_numpy(float)
         if n_law:
             under = under[np.argmax(n)] * (n / n.max()) ** (5 / 3)
-        days = _days(t, begin)
-        found[name] = lambda p, e=estimated, u=under, days=days: (
-            e + u * (factor(p[0] + p[1] * days) - 1)
-        )
+        found[name] = _risen(estimated, under, _days(t, begin))
     return found
+
+
+def _risen(estimated: Floats, under: Floats, days: Any) -> Estimate:
+    return lambda p: estimated + under * (factor(p[0] + p[1] * days) - 1)
 
 
 def _days(t: Any, begin: float) -> Any:
@@ -133,14 +143,14 @@ def _thermal(
                {TEMPERATURE: lambda p: grown(p, sinks)})  # fmt: skip
     yield Part("spindle", "bearings", ("× friction heat", "ln a day", *words), {
         TEMPERATURE: lambda p: grown(p, BEARINGS),
-        **{name: lambda p, one=one: one(p[2:]) for name, one in friction.items()},
+        **{name: _after(one, 2) for name, one in friction.items()},
     })  # fmt: skip
     own = ("× cooling", "× friction heat", "× heat of the load") + ("K of air",) * (
         not records.ambient
     )
     yield Part("spindle", "network", (*own, *words), {
         TEMPERATURE: every,
-        **{name: lambda p, one=one: one(p[len(own) :]) for name, one in friction.items()},
+        **{name: _after(one, len(own)) for name, one in friction.items()},
     })  # fmt: skip
 
 

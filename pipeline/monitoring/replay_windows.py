@@ -96,8 +96,8 @@ def _of_day(
         v, percent = (number_of(clean, f"{axis}_{what}") for what in ("feedrate", "load"))
         here = (mode.notna() & (mode != "cut")).to_numpy() & even(v) & np.isfinite(percent)
         at = [float(f"{one:.2g}") for one in np.abs(v[here])]
-        rows = {"measured": np.abs(percent[here]), "speed": np.abs(v[here]), "at": at, "own": 1.0}
-        yield f"{axis}_load", _windows(pd.DataFrame(rows, index=state.index[here]), ["at"])
+        motion = {"measured": np.abs(percent[here]), "speed": np.abs(v[here]), "at": at, "own": 1.0}
+        yield f"{axis}_load", _windows(pd.DataFrame(motion, index=state.index[here]), ["at"])
     shown = pd.Series(number_of(clean, "feed_override"), index=state.index)[(feed > 0).to_numpy()]
     done = cycles[cycles["complete"].fillna(False).astype(bool) & (cycles["active_s"] > 0)]
     share = [shown[a:b].mean() / 100 for a, b in zip(done["start"], done["end"], strict=True)]
@@ -133,7 +133,7 @@ def _with_usual(table: pd.DataFrame, keys: list[str], known_good: Sequence[str])
     low, middle, high = (grouped.quantile(q) for q in (0.05, 0.5, 0.95))
     between = by_day.median().groupby(keys)
     n = between.size()
-    spread = between.std() * stats.t.ppf(0.95, n - 1) * np.sqrt(1 + 1 / n)
+    spread: Any = between.std() * stats.t.ppf(0.95, n - 1) * np.sqrt(1 + 1 / n)
     usual = pd.DataFrame({"estimated": middle, "spread": spread.clip((high - low) / 2)})
     for name in COMPARED & set(table):
         usual[f"usual_{name}"] = good.groupby(keys)[name].median()

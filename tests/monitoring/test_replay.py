@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.monitoring.replay import largest_rise, replacements, standing_of
+from pipeline.monitoring.replay import Replay, largest_rise, replacements, standing_of
 from pipeline.monitoring.replay_parts import parts_of
 from pipeline.monitoring.replay_windows import Series
 from pipeline.monitoring.state import write_twin_state
@@ -20,7 +20,6 @@ from pipeline.parameters import read_params
 from pipeline.schema.bundle import bundle_of, copy_bundle
 from pipeline.schema.golden import Days
 from pipeline.schema.history import Entry, write_history
-from pipeline.schema.replay import Replay
 from pipeline.schema.store import read_json, write_json, write_table
 from pipeline.schema.twin_state import MANIFEST, TwinState
 from pipeline.signals.cleaning.settings import CleanSettings

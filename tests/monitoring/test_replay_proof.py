@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 from pipeline.app.replay import replayed
-from pipeline.schema.replay import SENSOR, Replay
+from pipeline.monitoring.replay import Replay
+from pipeline.monitoring.replay_parts import SENSOR
 from pipeline.shop.sensors import MachineState, SensedDay
 from pipeline.shop.timeline import Timeline
 from tests.monitoring import faulty_weeks

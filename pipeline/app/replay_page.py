@@ -10,9 +10,9 @@ from pipeline.charts.bands import Axis, Strip, strips_figure
 from pipeline.charts.numbers import NARROW, NOT_KNOWN, counted, day_words, fixed, hours, number
 from pipeline.charts.sections import Section, drawing, present
 from pipeline.charts.tables import Cell, Column, tabulated
+from pipeline.monitoring.replay import Replacement, Replay, ReplayedQuantity
 from pipeline.report.provenance import Made
 from pipeline.report.standalone_page import StandalonePage, rendered, source_of
-from pipeline.schema.replay import Replacement, Replay, ReplayedQuantity
 from pipeline.schema.twin_state import day_path
 
 UNITS = {"CELSIUS": "°C", "WATT": "W", "PERCENT": "%", "SECOND": "s", "MILLIMETER": "mm"}
