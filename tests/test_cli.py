@@ -7,6 +7,7 @@ import pty
 import re
 import subprocess
 import sys
+import threading
 from dataclasses import replace
 from hashlib import sha256
 from importlib.metadata import version
@@ -884,3 +885,15 @@ def test_what_conf_composes_to_is_kept_by_its_content(
                 kept.write_bytes(broken or kept.read_bytes()[:-9])
             changed = machine_parameters(MACHINE)
     assert changed["machine"][MACHINE]["identity"]["description"] == "other"
+
+
+def test_a_command_that_takes_long_says_what_it_is_about(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for patience, line in ((60.0, ""), (0.0, "scoring …\n")):
+        monkeypatch.setattr(kerf_options, "PATIENCE_S", patience)
+        with kerf_options.progress_line("scoring"):
+            for timer in threading.enumerate() if not patience else []:
+                if isinstance(timer, threading.Timer):
+                    timer.join()
+        assert capsys.readouterr().err == line

@@ -23,7 +23,7 @@ from pipeline.cutting.stability.recorded_chatter import (
     RecordedChatter,
     recorded_chatter,
 )
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.schema.si import MINUTE
 from pipeline.signals.formats import UnreadableFile, format_of
 from pipeline.signals.ingest import OBSERVING
@@ -32,32 +32,57 @@ from pipeline.signals.windows import sampling_period, uniform_segments
 
 OWN_RATE = ("wav", "tdms")
 """Formats that state the rate of their channels, TDMS not always."""
+STATUSES = {"chatter": 3, "not decided": 1, "stable": 0}
+"""Exit status of each verdict, the gravest first."""
+STEADY, LEAST_TURNS = 0.1, 96.0
+"""Share by which the speed of a stretch may change, and its revolutions, where most of the file
+has another speed [1]."""
 SAME = 0.01
 """Deviation from the file's own time up to which a stated rate is the same [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class JudgedFile:
-    """Verdict on a file and what of the file it rests on."""
+class Stretch:
+    """An evenly sampled stretch of one speed, between gaps, dead rows and a spindle that stops."""
 
     verdict: RecordedChatter
     """Times count from the file's begin [s]."""
-    channels: Sequence[str]
     begins_s: float
-    """Where the stretch that was judged begins in the file [s]."""
     seconds: float
-    """Length of that stretch [s]."""
+
+    @property
+    def words(self) -> str:
+        """Begin, end and speed."""
+        return (f"{self.begins_s:.2f} to {self.begins_s + self.seconds:.2f} s, "
+                f"{self.verdict.speed_rpm:.0f} rev/min")  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class JudgedFile:
+    """Verdicts on the stretches of a file; the gravest one is the file's."""
+
+    stretches: Sequence[Stretch]
+    channels: Sequence[str]
     file_seconds: float
-    stretches: int
-    """Evenly sampled stretches of the file, between gaps, dead rows and a spindle that stops, runs
-    up or turns slowly."""
+
+    @property
+    def gravest(self) -> Stretch:
+        """Of the gravest verdict the longest; one without a cut where there is no other."""
+        judged = [one for one in self.stretches if len(one.verdict.spectrum)] or self.stretches
+        order = list(STATUSES)
+        return min(judged, key=lambda one: (order.index(one.verdict.verdict), -one.seconds))
+
+    @property
+    def verdict(self) -> RecordedChatter:
+        """Verdict on the file."""
+        return self.gravest.verdict
 
 
 def chatter_of(
     file: Path, teeth: int, speed: str, *, channels: Sequence[str] = (), rate: float | None = None,
     machine: str | None = None,
 ) -> JudgedFile:  # fmt: skip
-    """Verdict on the longest evenly sampled stretch of a recording.
+    """Verdicts on the evenly sampled stretches of a recording.
 
     ``speed`` is a number [rev/min] or the name of a column of it.
     """
@@ -74,44 +99,76 @@ def chatter_of(
         if name not in numbers:
             raise ValueError(f"--channel {name} is no column of numbers of {file}: it has "
                              f"{', '.join(numbers) or 'none'}")  # fmt: skip
+    rpm = _speed(speed, numbers, file)
+    used = list(channels) or [n for n in numbers if n not in times and n != speed]
+    if not used:
+        raise ValueError(f"{file} has no column of vibration, force or sound: name one, --channel")
+    values = np.stack([numbers[name] for name in used])
+    speeds = np.broadcast_to(rpm, time.shape)
+    good, origin = np.isfinite(values).all(axis=0) & np.isfinite(time), float(np.nanmin(time))
     try:
-        rpm: float | Floats = float(speed)
+        parts = list(_stretches(time, speeds, good))
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from error
+    if not parts:
+        raise ValueError(f"{file}: no stretch without a gap is long enough to be judged")
+    limits, orders = _speeds(machine), [_derivative(_unit(table.schema.field(n))) for n in used]
+    found = []
+    for rows, part in parts:
+        begins = max(part.start - origin, 0.0)
+        even = np.stack([part.on_grid(one[rows]) for one in values])
+        judged = recorded_chatter(
+            even, 1 / part.period, part.on_grid(speeds[rows]) / MINUTE, teeth, speeds_rpm=limits,
+            derivatives=orders,
+        )  # fmt: skip
+        if judged.begins_s is not None:
+            judged = replace(judged, begins_s=judged.begins_s + begins)
+        found.append(Stretch(verdict=judged, begins_s=begins, seconds=even.shape[1] * part.period))
+    return JudgedFile(
+        stretches=sorted(found, key=lambda one: one.begins_s), channels=used,
+        file_seconds=float(np.nanmax(time)) - origin + parts[0][1].period,
+    )  # fmt: skip
+
+
+def _speed(speed: str, numbers: dict[str, Floats], file: Path) -> Floats:
+    """Speed [rev/min], one or of each row."""
+    try:
+        rpm = np.array(float(speed))
     except ValueError:
         if speed not in numbers:
             raise ValueError(f"--speed {speed} is neither rev/min nor a column of {file}: it has "
                              f"{', '.join(numbers) or 'none'}") from None  # fmt: skip
         rpm = np.abs(numbers[speed])
-    if isinstance(rpm, float) and not 0 < rpm < np.inf:
+    if not rpm.ndim and not 0 < rpm < np.inf:
         raise ValueError(f"--speed {speed} must be above 0 rev/min")
-    used = list(channels) or [n for n in numbers if n not in times and n != speed]
-    if not used:
-        raise ValueError(f"{file} has no column of vibration, force or sound: name one, --channel")
-    values = np.stack([numbers[name] for name in used])
-    turning = np.asarray(rpm)[np.isfinite(rpm) & np.greater(rpm, 0)]
-    if not turning.size:
+    if not (np.isfinite(rpm) & (rpm > 0)).any():
         raise ValueError(f"--speed {speed} has no value above 0 rev/min in {file}: name another")
-    change = np.asarray(rpm) / np.quantile(turning, 0.9)  # of the speed at which it works
-    turns = (change >= MOST_CHANGE**-0.5) & (change <= MOST_CHANGE**0.5)
-    rows = np.flatnonzero(np.isfinite(values).all(axis=0) & np.isfinite(time) & turns)
-    try:
-        stretches = list(uniform_segments(time[rows]))
-        longest = max(stretches, key=lambda one: one.samples)
-    except ValueError as error:
-        raise ValueError(f"{file}: {error}") from error
-    even = np.stack([longest.on_grid(one[rows]) for one in values])
-    n = rpm / MINUTE if isinstance(rpm, float) else longest.on_grid(rpm[rows]) / MINUTE
-    judged = recorded_chatter(
-        even, 1 / longest.period, n, teeth, speeds_rpm=_speeds(machine),
-        derivatives=[_derivative(_unit(table.schema.field(name))) for name in used],
-    )  # fmt: skip
-    begins = max(longest.start - float(np.nanmin(time)), 0.0)
-    if judged.begins_s is not None:
-        judged = replace(judged, begins_s=judged.begins_s + begins)
-    return JudgedFile(
-        verdict=judged, channels=used, begins_s=begins, seconds=even.shape[1] * longest.period,
-        file_seconds=float(np.nanmax(time) - np.nanmin(time)) + longest.period,
-        stretches=len(stretches),
-    )  # fmt: skip
+    return rpm
+
+
+def _stretches(time: Floats, rpm: Floats, good: Bools) -> Iterator[tuple[Ints, Any]]:
+    """Rows and segment of each stretch: at the speed at which most of it works, then at others.
+
+    Raises ValueError where there is none.
+    """
+    left, first = good & np.isfinite(rpm) & (rpm > 0), True
+    while left.any():
+        change = rpm / np.quantile(rpm[left], 0.9)
+        here = left & (change >= MOST_CHANGE**-0.5) & (change <= MOST_CHANGE**0.5)
+        rows = np.flatnonzero(here)
+        left &= ~here & (change < 1)  # a speed above is no speed of this spindle
+        try:
+            parts = list(uniform_segments(time[rows]))
+        except ValueError:
+            if first:
+                raise
+            continue
+        for part in parts:
+            own = part.on_grid(rpm[rows])
+            turns = part.period * float(own.sum()) / MINUTE
+            if first or (own.max() <= (1 + STEADY) * own.min() and turns >= LEAST_TURNS):
+                yield rows, part
+        first = False
 
 
 def _unit(column: pa.Field) -> str:
@@ -189,8 +246,17 @@ def document(found: JudgedFile) -> dict[str, Any]:
     verdict = asdict(found.verdict)
     if found.verdict.channel is not None:
         verdict["channel"] = found.channels[found.verdict.channel]
-    file = asdict(found)
-    named = {f"judged_{k}": file[k] for k in ("begins_s", "seconds", "file_seconds", "stretches")}
+    one = found.gravest
+    named = {
+        "judged_begins_s": one.begins_s, "judged_seconds": one.seconds,
+        "file_seconds": found.file_seconds,
+        "stretches": [
+            {"begins_s": part.begins_s, "ends_s": part.begins_s + part.seconds,
+             "speed_rpm": part.verdict.speed_rpm, "verdict": part.verdict.verdict,
+             "why": part.verdict.why, "frequency_Hz": part.verdict.frequency_Hz}
+            for part in found.stretches
+        ],
+    }  # fmt: skip
     return {
         k: None if isinstance(v, float) and not np.isfinite(v) else v
         for k, v in (verdict | named).items() if k not in ("frequency", "spectrum")
@@ -209,17 +275,22 @@ def said(file: JudgedFile) -> Iterator[str]:
         f"speed {found.speed_rpm:.0f} rev/min {how}, tooth passing {passing} Hz, "
         f"about {found.seconds_in_cut:.1f} s in the cut"
     )
-    if file.seconds < 0.99 * file.file_seconds:
-        which = f"longest of {file.stretches} stretches" if file.stretches > 1 else "only stretch"
+    judged = sum(one.seconds for one in file.stretches)
+    if len(file.stretches) > 1:
+        yield f"of {len(file.stretches)} stretches that of {file.gravest.words}:"
+        for one in file.stretches:
+            yield f"  {one.words}: {one.verdict.verdict}, {one.verdict.why}"
+    if judged < 0.99 * file.file_seconds:
         yield (
-            f"judged {file.seconds:.1f} of {file.file_seconds:.1f} s, from {file.begins_s:.2f} s "
-            f"on: the {which} without a gap or another speed; the rest is not judged"
+            f"judged {judged:.1f} of {file.file_seconds:.1f} s: the rest has gaps, or a spindle "
+            "that stands or changes its speed"
         )
     if found.verdict != "chatter" or found.frequency_Hz is None:
         return
     yield (
-        f"{found.kind}: chatter frequency {found.frequency_Hz:.1f} Hz +- "
+        f"chatter frequency {found.frequency_Hz:.1f} Hz +- "
         f"{found.frequency_error_Hz or 0:.1f} (95 %)"
+        + (f", {found.kind}" if found.kind else "")
         + ("" if found.begins_s is None else f", from {found.begins_s:.2f} s on")
         + ("" if found.channel is None else f", loudest in {file.channels[found.channel]}")
     )

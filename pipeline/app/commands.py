@@ -251,7 +251,8 @@ def nightly(
 
     with one_sentence(), outputs() as to:
         to.ready(json)
-        nights = score(machine)
+        with kerf.progress_line(f"scoring the nights of {machine}"):
+            nights = score(machine)
         to.json([asdict(one) for one in nights], json)
         for line in lines(machine, nights):
             to.say(line)

@@ -85,7 +85,8 @@ def deliver(
         to.say(f"{many(len(sent) - len(failed), 'incident')} delivered to {hook.place}, "
                f"{before} before, {len(failed)} not")  # fmt: skip
         for one in failed:
-            to.say(f"{one.incident}: not delivered in {many(one.attempts, 'attempt')}: {one.why}")
+            to.say(f"incident {one.incident} was not delivered in {many(one.attempts, 'attempt')}: "
+                   f"{one.why}; mend that, then run it again: it sends what is left")  # fmt: skip
     if failed:
         raise typer.Exit(FAILED)
 
@@ -130,4 +131,4 @@ def _since(found: "Monitored", day: str) -> "list[Incident]":
 
     if day and not is_day(day):
         raise ValueError(f"--since {day} is no day: write it as 2026-03-09")
-    return [one for one in found.incidents if one.end[:10] >= day]
+    return found.since(day)

@@ -7,13 +7,15 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
 from itertools import takewhile
+from logging import ERROR
 from pathlib import Path
+from threading import Timer
 from typing import Annotated, Any, Literal
 
 import typer
 from typer.core import TyperGroup
 
-from pipeline.app.output import log_to_standard_error
+from pipeline.app.output import LOG, log_to_standard_error
 from pipeline.schema.limits import limit_words
 
 _UsageError: Any = typer.BadParameter.__base__
@@ -270,3 +272,20 @@ def stages_bar() -> Iterator[Callable[[str, float], None]]:
     """A bar that shows what is under way, which share is done, and the time that is left."""
     with _bar("reading") as update:
         yield lambda what, done: update(completed=done, description=what)
+
+
+PATIENCE_S = 2.0
+"""Time after which a command says what it is about [s]."""
+
+
+@contextmanager
+def progress_line(what: str) -> Iterator[None]:
+    """A line on standard error once something takes longer than ``PATIENCE_S``; none if quiet."""
+    timer = Timer(PATIENCE_S, partial(typer.echo, f"{what} …", err=True))
+    timer.daemon = True
+    if LOG.level < ERROR:
+        timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()

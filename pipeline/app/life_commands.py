@@ -37,7 +37,8 @@ def promote(
     from pipeline.champions.promotion import RefusedError, decided, judged
     from pipeline.champions.promotion import promote as promote_bundle
 
-    with one_sentence(), outputs() as written:
+    long = kerf.progress_line(f"judging the newest bundle of {machine} against what serves")
+    with one_sentence(), outputs() as written, long:
         written.ready(json)
         check_machine(machine)
         if dry_run:

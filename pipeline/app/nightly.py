@@ -27,7 +27,8 @@ def lines(machine: str, nights: Sequence[Night]) -> Iterator[str]:
     if not last:
         why = (
             f"{machine} has no day after its champion's training, and no recording, that the "
-            "champion was neither fitted nor judged on; golden and sealed records are never scored"
+            "champion was neither fitted nor judged on; golden and sealed records are never "
+            f"scored. New records in data/raw/{machine} and `dvc repro nightly@{machine}` make one"
         )
         if stored_bundle(DATA / "champion" / machine, machine) is None:
             why = f"nothing serves {machine}: `dvc repro champion@{machine}` fills what serves"

@@ -395,8 +395,8 @@ def chatter(
     machine: kerf.Setup = None,
     json: kerf.Json = None,
 ) -> None:
-    """Say whether FILE, a recording of a milling cut, holds chatter, and which speeds to try."""
-    from pipeline.app.chatter import chatter_of, document, said
+    """Chatter in FILE, a recording of a cut, and speeds to try; exit status 3, not decided 1."""
+    from pipeline.app.chatter import STATUSES, chatter_of, document, said
 
     with one_sentence(), outputs() as to:
         to.ready(json, file)
@@ -404,3 +404,5 @@ def chatter(
         to.json(document(found), json)
         for line in said(found):
             to.say(line)
+    if status := STATUSES[found.verdict.verdict]:
+        raise typer.Exit(status)

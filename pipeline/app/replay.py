@@ -13,12 +13,17 @@ from pipeline.app.fleet import DATA, check_machine, outside_fleet
 from pipeline.app.output import aligned
 from pipeline.champions.serving import bundle_place, champion_of, history_of, names_of
 from pipeline.monitoring.budget import MonitoringSettings
-from pipeline.monitoring.day_estimates import TEMPERATURE, DayRows, day_state, spindle_power
+from pipeline.monitoring.day_estimates import (
+    TEMPERATURE,
+    DayRows,
+    Estimators,
+    day_state,
+    spindle_power,
+)
 from pipeline.monitoring.nightly import serving_models
 from pipeline.monitoring.replay import Replay, Standing, replacements, standing_of
 from pipeline.monitoring.replay_parts import parts_of
 from pipeline.monitoring.replay_windows import OF_CHAMPION, USUAL, WINDOW_S, series_of
-from pipeline.monitoring.state import estimators_of
 from pipeline.parameters import read_params, section_path, structure
 from pipeline.schema.bundle import MODEL, copy_bundle, stored_bundle
 from pipeline.schema.days import day_end, day_start, is_day, zone_of
@@ -65,7 +70,6 @@ def replayed(machine: str, first: str, last: str, other: str, out: Path) -> Repl
                          f"{min(state.days)} to {max(state.days)}")  # fmt: skip
     good = tuple(day for day, one in state.days.items() if one.role == "training")
     records, values = Records.of_machine(DATA, machine, champion), read_params()
-    sets, no_tools = read_golden(DATA / "golden" / f"{machine}.json"), dict[int, float]()
     run = [*days, *(day for some in lent for day in some)]
     serving = serving_models(champion, values, MonitoringSettings())
     power = spindle_power(serving.get("cutting"))
@@ -89,7 +93,7 @@ def replayed(machine: str, first: str, last: str, other: str, out: Path) -> Repl
               for row, part, p in found}  # fmt: skip
     with TemporaryDirectory() as kept:
         version, bundle_before = _previous(machine, Path(kept))
-        before = bundle_before and estimators_of(bundle_before, records, no_tools, sets, values)
+        before = _estimators(bundle_before, records, values, machine) if bundle_before else None
         cleaning = structure(values, section_path(values, "cleaning", machine), CleanSettings)
         for day in days:
             rows = DayRows(day=day, frame=read_state(clean, day), cleaning=cleaning,
@@ -134,6 +138,15 @@ def _previous(machine: str, kept: Path) -> tuple[int | None, Path | None]:
     place, bundle = bundle_place(machine, entries[-2].bundle, names_of(machine, Path()), Path())
     copy_bundle(place, bundle, kept / machine)
     return entries[-2].version, kept / machine
+
+
+def _estimators(bundle: Path, records: Records, values: dict[str, Any], machine: str) -> Estimators:
+    """What estimates a day by the models in a folder; sealed days are not looked at."""
+    serving = serving_models(bundle, values, MonitoringSettings())
+    spindle, sets = serving.get("spindle"), read_golden(DATA / "golden" / f"{machine}.json")
+    cases = () if spindle is None else spindle.one.cases(records, spindle.judging, sets).cases
+    return Estimators(serving=serving, power=spindle_power(serving.get("cutting")), diameters={},
+                      cases={one.name: one for one in cases if one.role != "sealed"})  # fmt: skip
 
 
 def _table(

@@ -186,7 +186,7 @@ def simulated_document(simulated: Simulated, name: str) -> dict[str, Any]:
 
 
 def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
-    """Lines of ``kerf simulate``: times by type, limit and tool, and following errors."""
+    """Lines of ``kerf simulate``: times by type, cause and tool, advice, following errors."""
     machine = document["machine"]
     assumed = f"as in conf/machine/{machine}.yaml, not identified: times unproven"
     source = "identified" if document["control"] == "identified" else assumed
@@ -217,18 +217,25 @@ def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
             f"warning: {WITHOUT_TIME[name].format(count)} in 0 s, since their time is not known: "
             f"give control.auxiliary.{name} in conf/machine/{machine}.yaml, or log such runs"
         )
-    for heading, table in (("type", document["by_type"]), ("limit", document["by_limit"])):
-        for name, seconds in table.items():
-            yield f"  {heading:<6} {name:<20} {seconds:>10.1f} s"
-    for tool in document["by_tool"]:
-        name = f"T{tool['tool']}" if tool["tool"] >= 0 else "none yet"
-        yield f"  {'tool':<6} {name:<20} {tool['time_s']:>10.1f} s"
+    yield from _time_lines(document)
     if "residual" in document:
         yield f"following errors with {document['residual']}, half of the 90 % interval after ±"
     elif document["axes"]:
         yield "following errors of the drives' model, half of the 90 % interval after ±"
     for axis in document["axes"]:
         yield _axis_line(axis)
+
+
+def _time_lines(document: dict[str, Any]) -> Iterator[str]:
+    """Times by type, cause and tool, and advice on them."""
+    for heading, table in (("type", document["by_type"]), ("cause", document["by_cause"])):
+        for name, seconds in table.items():
+            yield f"  {heading:<6} {name:<20} {seconds:>10.1f} s"
+    for tool in document["by_tool"]:
+        name = f"T{tool['tool']}" if tool["tool"] >= 0 else "none yet"
+        yield f"  {'tool':<6} {name:<20} {tool['time_s']:>10.1f} s"
+    for one in document["advice"]:
+        yield f"  would save {one['seconds']:.1f} s: {one['what']}, if {one['assumes']}"
 
 
 def _axis_line(axis: dict[str, Any]) -> str:

@@ -162,6 +162,20 @@ def area(x: Floats, low: Floats, high: Floats, span: tuple[float, float], into: 
 
 
 @dataclass(frozen=True, kw_only=True)
+class Block:
+    """Filled part of a strip from ``start`` to ``end`` of its axis, ``words`` on hover.
+
+    ``lane`` is the row of the strip that it lies in, counted from the top; None for all of them.
+    """
+
+    kind: str
+    start: float
+    end: float
+    words: str
+    lane: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class Strip:
     """A band of a figure as it is declared: its head, and what is drawn in it over the axis."""
 
@@ -182,6 +196,9 @@ class Strip:
     """Whether the scale holds 0."""
     unit: str = ""
     """Unit of values beyond the scale."""
+    blocks: Sequence[Block] = ()
+    lanes: Sequence[str] = ()
+    """Filled parts, and the names of the rows that they lie in."""
 
     def band(self, top: float, span: tuple[float, float]) -> Band:
         """Band at ``top`` [px] that holds what lies within ``span`` of the axis."""
@@ -200,6 +217,8 @@ class Axis:
     words: str
     span: tuple[float, float]
     marks: Sequence[tuple[float, str]]
+    shaded: Sequence[tuple[float, float]] = ()
+    """Stretches that stand apart, such as weekends."""
 
     def percent(self, x: Floats) -> Floats:
         """Places (T,) along the width [%]."""
@@ -231,11 +250,37 @@ def strips_figure(strips: Sequence[Strip], below: Axis, label: str, kind: str = 
         parts += _strip(one, into, below)
         top = into.bottom + GAP
     bottom = top - GAP
-    across = [svg.text(50, bottom + 31, below.words, "tick mid")]
+    across = [
+        svg.bar(*_span(below, first, last), TOP, bottom - TOP, "s-apart")
+        for first, last in below.shaded
+    ]
+    across.append(svg.text(50, bottom + 31, below.words, "tick mid"))
     for mark, words in below.marks:
         x = float(below.percent(np.array(mark)))
         across += [svg.down(x, TOP, bottom), svg.text(x, bottom + 16, words, svg.anchor(x))]
     return svg.figure([*across, *parts], height=bottom + 36, label=label, kind=kind)
+
+
+def _span(below: Axis, first: float, last: float) -> tuple[float, float]:
+    """Place and width of a stretch of the axis [% of width]."""
+    left, right = np.clip(below.percent(np.array([first, last])), 0, 100)
+    return float(left), max(float(right - left), 0.15)
+
+
+def _blocks(one: Strip, into: Band, below: Axis) -> list[Markup]:
+    """Filled parts with their words on hover, and the names of the rows."""
+    rows = max(len(one.lanes), 1)
+    high = one.height / rows
+    drawn = []
+    for block in one.blocks:
+        top, height = into.top, one.height
+        if block.lane is not None:
+            top, height = into.top + block.lane * high + 1, high - 2
+        bar = svg.bar(*_span(below, block.start, block.end), top, height, block.kind)
+        drawn.append(svg.tag("g", svg.group([svg.tag("title", block.words), bar])))
+    names = [svg.text(0, into.top + (k + 0.5) * high + 4, name, "tick end", dx=-8)
+             for k, name in enumerate(one.lanes)]  # fmt: skip
+    return [*drawn, *names]
 
 
 def _strip(one: Strip, into: Band, below: Axis) -> list[Markup]:
@@ -252,7 +297,7 @@ def _strip(one: Strip, into: Band, below: Axis) -> list[Markup]:
     most = 5 if into.height >= 100 else 4 if into.height >= 60 else 3
     return [
         svg.text(0, into.top - 7, f"{one.head}{beyond_words(outside, one.unit)}", "head"),
-        *into.levels(most),
+        *(into.levels(most) if one.curves or one.areas or one.dots else ()),
         *(svg.across(into.pixel(level), "grid limit") for level in one.levels),
         into.content([
             *(area(x, low, high, below.span, into, kind) for kind, x, low, high in one.areas),
@@ -260,4 +305,5 @@ def _strip(one: Strip, into: Band, below: Axis) -> list[Markup]:
         ]),
         *dots,
         *(mark for found in outside for mark in found.marks),
+        *_blocks(one, into, below),
     ]  # fmt: skip

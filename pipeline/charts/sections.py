@@ -127,6 +127,10 @@ Role = Literal["tool room", "maintenance", "process engineer", "ML engineer", "d
 """Who an action is for."""
 
 
+NOW = "now"
+"""Deadline of what is urgent."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Action:
     """Action: ``what``, ``where``, ``why``, ``until`` when, and who does it.
@@ -176,6 +180,8 @@ class SubModelPage:
     """Actions from these records, besides those of ``verdict`` on the model."""
     sections: list[Section] = field(default_factory=list)
     """Sections in reading order."""
+    lead: Section | None = None
+    """Section for the machine's own page; None without one."""
     truth: list[Table] = field(default_factory=list)
     """Truth of a simulated machine beside the identified values."""
     compared: dict[str, Compared] = field(default_factory=dict)

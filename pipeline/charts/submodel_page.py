@@ -203,6 +203,8 @@ class PageContent:
     notes: Sequence[str] = ()
     """Further observations."""
     actions: Sequence[Action] = ()
+    lead: Section | None = None
+    """Section for the machine's own page."""
     """Actions from these records."""
     meaning: Meaning = lambda group, name: "–"
     """Meanings of parameters."""
@@ -268,6 +270,7 @@ def submodel_page(files: Files, subject: Subject, content: PageContent) -> SubMo
         doubts=[*frame.doubts(), *content.doubts],
         notes=[one for one in (*content.notes, lost, truth_words(known, subject.title)) if one],
         actions=list(content.actions),
+        lead=content.lead,
         sections=[
             one for one in (*content.first, frame.model_section(), frame.judged_section(),
                             frame.next_section(), frame.files_section()) if one is not None

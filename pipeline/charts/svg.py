@@ -5,6 +5,8 @@ viewports that are stretched without stretching their lines.  Colours are CSS cl
 figures follow the page's theme.  All text is escaped.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from markupsafe import Markup, escape
 
@@ -152,6 +154,21 @@ def ticks(low: float, high: float, most: int = 5) -> list[float]:
     first = np.ceil(low / step - 1e-9)
     found = [float(v * step) for v in np.arange(first, np.floor(high / step + 1e-9) + 1)]
     return found if len(found) > 1 or most >= MOST_TICKS else ticks(low, high, most=most + 1)
+
+
+def sparkline(values: Sequence[float], words: str) -> Markup:
+    """A curve of a word's size with a dot at its newest value; NaN lifts the pen."""
+    y = np.array(values, float)
+    known = y[np.isfinite(y)]
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
+    x = np.linspace(2, 70, max(len(y), 2))[: len(y)]
+    down_to = 14 - 12 * (y - low) / (high - low or 1.0)
+    dot = [tag("circle", cx=float(x[-1]), cy=float(down_to[-1]), r=2)] * bool(
+        len(y) and np.isfinite(y[-1]))  # fmt: skip
+    return tag(
+        "svg", group([tag("title", words), curve(x, down_to, "measured"), *dot]), class_="spark",
+        viewBox="0 0 72 16", width=72, height=16, role="img", aria_label=words,
+    )  # fmt: skip
 
 
 def anchor(x: float) -> str:

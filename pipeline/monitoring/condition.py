@@ -20,7 +20,7 @@ from scipy import stats
 
 from pipeline.monitoring.day_quantities import ALARMS, RECORDED, DayValues, Key, Reading, day_values
 from pipeline.monitoring.prognosis import crossing
-from pipeline.schema.condition import Condition, State, TimeToLine, WeekReport
+from pipeline.schema.condition import Condition, State, TimeToLine, WeekReport, week_of
 from pipeline.schema.days import UTC, day_end, day_start, is_day, zone_of
 from pipeline.schema.ledger import Night, latest, read_ledger
 from pipeline.schema.ranges import Positive, Range, Ranged
@@ -68,16 +68,6 @@ class ConditionSettings(Ranged, section="condition"):
     alarm: Mapping[str, Positive] = field(
         default_factory=lambda: {kind: both[1] for kind, both in RISES.items()})  # fmt: skip
     """Rise of the lines above the reference by kind [%]; of an error budget the share of it."""
-
-
-def week_of(day: str) -> str:
-    """Calendar week of a day by ISO 8601.
-
-    >>> week_of("2026-01-04"), week_of("2026-01-05")
-    ('2026-W01', '2026-W02')
-    """
-    year, week, _ = date.fromisoformat(day).isocalendar()
-    return f"{year}-W{week:02d}"
 
 
 def _place(week: str) -> float:

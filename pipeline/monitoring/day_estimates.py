@@ -14,16 +14,17 @@ feed is e = v (1 - k_ff) / K_v (Sim2023).
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+from scipy.ndimage import binary_erosion
 
 from pipeline.monitoring.nightly import ServingModel
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.cutting import NoLoadPoint
 from pipeline.schema.days import day_start
 from pipeline.schema.si import MINUTE, NS
@@ -40,10 +41,15 @@ NORMAL_90 = 1.645
 """Half of a 90 % interval of a normal distribution over its standard deviation [1]."""
 TOOL_CHANGE_S = 20.0
 """Time about a change of the tool's number that a tool change may take, chip to chip [s]."""
+GAP = 1.5
+"""Periods from one row to the next from which on there is a gap [1]."""
 STEADY = 0.02
 """Share by which a feed may differ from those beside it to count as constant [1]."""
-CUT, AIR = MODES.index("cut"), MODES.index("air")
+CUT, AIR, WARM_UP = (MODES.index(one) for one in ("cut", "air", "warm_up"))
 TEMPERATURE = "spindle_temperature"
+POWERS = ("no_load_power", "cutting_power", "tangential_force")
+SUBMODELS = {TEMPERATURE: "spindle"} | dict.fromkeys(POWERS, "cutting")
+"""Sub-models that quantities are estimated by."""
 Values = dict[str, Any]
 Reasons = dict[str, str]
 """Columns (T,) by name; for each quantity why it is not known where it is not."""
@@ -77,6 +83,12 @@ def spindle_power(serving: ServingModel | None) -> SpindlePower | None:
     return SpindlePower(records=records, curve=model.spindle.curve)
 
 
+def inside(chosen: Bools, rows: int) -> Bools:
+    """Whether a row is chosen and as many ``rows`` before and after it; shape (T,)."""
+    within: Bools = binary_erosion(chosen, np.ones(2 * rows + 1, dtype=np.bool_))
+    return within
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DayRows:
     """Rows of a day's clean table, T of them."""
@@ -106,6 +118,18 @@ class DayRows:
         place, words = pd.factorize(self.frame[name])
         return [str(word) for word in words], place
 
+    def steady_spindle(self, settle_s: float) -> Bools:
+        """Whether the spindle has held its speed long enough for its load to count; shape (T,).
+
+        A row has what each item said last, which for load and speed may be rows apart: the rows
+        beside it have to be steady too.  What was before a gap is not known.
+        """
+        t, period = self.seconds, self.cleaning.period_s
+        begins = np.diff(t, prepend=-np.inf) > GAP * period
+        since = t - t[np.maximum.accumulate(np.where(begins, np.arange(len(t)), 0))]
+        steady = settled(t, self.number("spindle_speed"), settle_s=settle_s) & (since >= settle_s)
+        return inside(steady, max(1, round(settle_s / 2 / period)))
+
     def modes(self) -> Any:
         """Place in ``MODES`` of each row's mode, -1 where it is not known; shape (T,).
 
@@ -119,7 +143,8 @@ class DayRows:
         inside = (place >= 0) & (time < np.append(end, 0)[place])
         mode = np.where(inside, np.array([*kinds, -1])[place], -1)
         (_, tool), (states, state) = self.words("tool_number"), self.words("execution")
-        active = np.array([one == "ACTIVE" for one in states] + [not states])[state]
+        none = "execution" not in self.frame
+        active = np.array([one == "ACTIVE" for one in states] + [none])[state]
         stands = np.abs(self.number("spindle_speed")) <= self.cleaning.turning_rpm
         changed = np.flatnonzero((np.diff(tool) != 0) & (tool[1:] >= 0) & (tool[:-1] >= 0)) + 1
         at = self.seconds[changed]
@@ -139,6 +164,8 @@ class Estimators:
     power: SpindlePower | None
     diameters: Mapping[int, float]
     """Diameters of the machine's tools by their number [m]."""
+    idle: Mapping[str, str] = field(default_factory=dict)
+    """Sub-models of the champion that do not serve, with the status of their verdict."""
 
 
 def day_state(rows: DayRows, given: Estimators) -> tuple[Values, Reasons]:
@@ -147,17 +174,22 @@ def day_state(rows: DayRows, given: Estimators) -> tuple[Values, Reasons]:
     A run-up, tapping, a spindle that stands and a cut are told by ``mode`` and ``spindle_steady``.
     """
     mode = rows.modes()
-    settle_s = given.power.records.settle_s if given.power else SpindleLoadRecords.settle_s
-    steady = settled(rows.seconds, rows.number("spindle_speed"), settle_s=settle_s)
+    records = given.power.records if given.power else SpindleLoadRecords
+    steady = rows.steady_spindle(records.settle_s)
     values: Values = {name: rows.number(name) if unit else rows.frame[name]
                       for name, unit in CONTEXT.items() if name in rows.frame}  # fmt: skip
     powers = spindle_powers(rows, given, steady, mode)
+    if "cutting" in given.idle:  # its measured no-load power tells cuts from air all the same
+        powers = {}, powers[1]
     reasons: Reasons = {}
     for columns, why in (
         temperatures(rows, given), powers, following_errors(rows, given.serving.get("drive"))
     ):  # fmt: skip
         values |= columns
         reasons |= why
+    for name in reasons:
+        if (one := SUBMODELS.get(name, "")) in given.idle:
+            reasons[name] = f"the champion’s {one} does not serve: {given.idle[one]}"
     values["spindle_steady"] = steady
     values["mode"] = pd.Categorical.from_codes(mode, pd.Index(MODES))
     return values, reasons
@@ -206,13 +238,16 @@ def spindle_powers(
 ) -> tuple[Values, Reasons]:
     """No-load power, cutting power and tangential force where they are defined.
 
-    Air whose power is surely above the no-load power becomes a cut in ``mode``: the log's own
-    level, a low quantile of the loads at a speed, hides it where a speed is only cut at.
+    Air or warm-up that is fed, with a power surely above the no-load power, becomes a cut in
+    ``mode``: the log's own level, a low quantile of the loads at a speed, hides it where a speed is
+    only cut at.  Without a feed, air is not told from a cut.
     """
-    power, names = given.power, ("no_load_power", "cutting_power", "tangential_force")
+    power = given.power
     if power is None:
-        return {}, dict.fromkeys(names, "no model with a no-load power serves")
-    load, feed = np.abs(rows.number("spindle_load")), rows.number("path_feedrate")
+        return {}, dict.fromkeys(POWERS, "no model with a no-load power serves")
+    load, feed = np.abs(rows.number("spindle_load")), np.abs(rows.number("path_feedrate"))
+    if np.isnan(feed).all():
+        feed = np.max([np.abs(rows.number(f"{axis}_feedrate")) for axis in AXES], axis=0)
     n, scale = np.abs(rows.number("spindle_speed")) / MINUTE, power.records.scale
     no_load, own = power.no_load(n)
     above = scale.power(load, n) - no_load
@@ -220,10 +255,9 @@ def spindle_powers(
     near = NORMAL_90 * np.hypot(step, own) + power.drift * no_load
     half = np.hypot(near, NORMAL_90 / NORMAL * power.records.scale_error * above)
     defined = steady & (n >= scale.drive.minimum_speed) & np.isfinite(above)
-    still = mode == AIR if np.isnan(feed).all() else feed == 0
-    free = defined & still & (mode != CUT)
+    free = inside(defined & (feed == 0) & (mode != CUT), 1)
     surely = above - half > scale.power(rows.cleaning.load_margin, n)
-    mode[defined & ~free & (mode == AIR) & surely] = CUT
+    mode[defined & (feed > 0) & ((mode == AIR) | (mode == WARM_UP)) & surely] = CUT
     words, place = rows.words("tool_number")
     diameter = np.array([given.diameters.get(tool_of(word), np.nan) for word in words] + [np.nan])
     v_c = np.where(n > 0, np.pi * diameter[place] * n, np.nan)
@@ -237,14 +271,16 @@ def spindle_powers(
     }  # fmt: skip
     why = "no steady spindle of known load, at a speed of its no-load power, that "
     no_tool = "no cut by a tool of a tool table" if np.isfinite(cutting).any() else f"{why}cuts"
-    return values, dict(zip(names, (f"{why}turns free", f"{why}cuts", no_tool), strict=True))
+    no_feed = "no feed is logged, without which turning free is not told from a cut"
+    turns = no_feed if np.isnan(feed).all() else f"{why}turns free"
+    return values, dict(zip(POWERS, (turns, f"{why}cuts", no_tool), strict=True))
 
 
 def with_drift(given: Estimators, days: Iterable[DayRows]) -> Estimators:
     """The estimators with the drift of the no-load power over training ``days``, two at least."""
     parts = []
     for rows in days if given.power else ():
-        values, _ = day_state(rows, replace(given, serving={}))
+        values, _ = day_state(rows, replace(given, serving={}, idle={}))
         # a load that shows 0 % gives a no-load power that is no measure of its drift
         known = np.flatnonzero(np.isfinite(values["no_load_power_residual"])
                                & (values["no_load_power_estimated"] > 0.0))  # fmt: skip

@@ -9,6 +9,8 @@ import fcntl
 import hmac
 import http.client
 import os
+import re
+import ssl
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -44,9 +46,16 @@ class Webhook(Ranged, section="webhook"):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        parts = urlsplit(self.url)
-        if parts.scheme not in ("http", "https") or not parts.hostname:
-            raise ValueError(f"webhook {self.place} is no address: give one like https://host/path")
+        try:
+            parts = urlsplit(self.url)
+            host = (parts.hostname or "").encode("idna")
+            right = parts.scheme in ("http", "https") and host != b"" and parts.port != 0
+            right = right and self.url.isascii() and " " not in self.url
+        except ValueError:  # a port that is no number, brackets that do not close, a long name
+            right = False
+        if not right:
+            shown = re.sub("//.*@", "//", self.url.partition("?")[0]) or "(empty)"
+            raise ValueError(f"webhook {shown} is no address: give one like https://host/path")
 
     @property
     def place(self) -> str:
@@ -108,7 +117,7 @@ def _sent(one: Incident, webhook: Webhook, now: Clock, wait: Callable[[float], o
         try:
             status, after = _post(body, one.id, webhook, now())
         except (OSError, http.client.HTTPException) as error:
-            why = f"{type(error).__name__}: {error}".rstrip(": ")
+            why = _reason(error, webhook)
         else:
             if status in THERE:
                 return _delivery(one, webhook, now(), attempt, "delivered")
@@ -119,6 +128,18 @@ def _sent(one: Incident, webhook: Webhook, now: Clock, wait: Callable[[float], o
         if attempt < webhook.attempts:
             wait(pause)
     return _delivery(one, webhook, now(), webhook.attempts, "failed", why)
+
+
+def _reason(error: Exception, webhook: Webhook) -> str:
+    """Why there was no answer, in words."""
+    if isinstance(error, TimeoutError):
+        return f"no answer within {webhook.timeout_s:g} s"
+    if isinstance(error, ssl.SSLCertVerificationError):
+        return f"its certificate is not trusted ({error.verify_message})"
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror[0].lower() + error.strerror[1:]
+    closed = isinstance(error, http.client.RemoteDisconnected)
+    return "it closed the connection without an answer" if closed else "its answer is not HTTP"
 
 
 def _post(body: bytes, key: str, webhook: Webhook, at: float) -> tuple[int, float]:
@@ -176,9 +197,9 @@ def _noted(delivery: Delivery, ledger: Path) -> None:
 
 def email_text(incidents: Sequence[Incident], machine: str, at: float) -> str:
     """Message (RFC 5322) on incidents, without addresses: what, where, since when, what to do."""
-    acts = sum(one.severity == "act" for one in incidents)
+    acts, watched = (sum(one.severity == s for one in incidents) for s in ("act", "watch"))
     message = EmailMessage()
-    message["Subject"] = f"{machine}: {acts} to act on, {len(incidents) - acts} to watch"
+    message["Subject"] = f"{machine}: {acts} to act on, {watched} to watch"
     message["Date"] = format_datetime(datetime.fromtimestamp(at, UTC))
     message.set_content("\n\n".join(_paragraph(one) for one in incidents) or "No incident.",
                         cte="8bit")  # fmt: skip

@@ -9,7 +9,7 @@ from pipeline.schema.ranges import Count, Range, Ranged, Share
 Seconds = Annotated[float, Range(above=0.0, most=86400.0, unit="s")]
 DWELL_S: Mapping[str, float] = {
     "load_over_limit": 30.0, "load_without_feed": 30.0, "temperature_slope": 30.0,
-    "temperature_outside": 600.0, "no_load_power": 60.0, "following_error": 30.0,
+    "temperature_outside": 600.0, "no_load_power": 120.0, "following_error": 30.0,
     "cut_load_high": 60.0, "cut_load_low": 60.0, "sensor_silent": 600.0, "sensor_stuck": 10.0,
     "forest": 60.0,
 }  # fmt: skip

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,17 +22,34 @@ from pipeline.monitoring.rules import (
 from pipeline.monitoring.usual import FOREST, Usual
 from pipeline.monitoring.windows import BREAK_S, Windows, dwell, windows_of
 from pipeline.schema.arrays import Floats, Ints
+from pipeline.schema.days import clock, zone_of
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.incident import Event, Incident, Monitor, Monitored, RuleState, Severity, Who
 from pipeline.schema.si import DAY, HOUR, MINUTE, NS
 from pipeline.schema.twin_state import TwinState
+from pipeline.signals.windows import state_days
 
 KEPT = 12
 """Events that an incident keeps: the first, and those of the greatest share of their limit."""
+CONTROL_TYPES = ("SYSTEM", "LOGIC_PROGRAM", "MOTION_PROGRAM", "COMMUNICATIONS")
+"""Types of conditions (MTConnect part 2) of a control; others are of a part of the machine."""
 PROGRAM_TYPES = ("MOTION_PROGRAM", "SYSTEM")
-"""Types of conditions (MTConnect part 2) that programs and operation cause."""
-PROGRAM_CHECK = "Program, offsets and operation before each of them; the control's manual."
-ALARM_CHECK = "What was done before each of them: axis, clamp, door, level; the control's manual."
+"""Those that programs and operation cause."""
+BEFORE_S = 2.0
+"""Time before an alarm in which a program that it stopped ran last [s]."""
+CHECKS = {
+    "LEVEL": "Level and leaks, then the switch.",
+    "PRESSURE": "Pressure at the gauge; pump, filter, leaks, then the sensor.",
+    "TEMPERATURE": "Cooling, fan and filter, then the sensor.",
+    "LOAD": "What was cut then, and the load without a cut.",
+    "ACTUATOR": "Display of the drive; brake, cables.",
+    "LOGIC_PROGRAM": "Switch, clamp, door or axis that the control waits for.",
+    **dict.fromkeys(PROGRAM_TYPES, "Program, offsets and operation before each of them."),
+    **dict.fromkeys(("POSITION", "ANGLE"), "Where the axis stood: offsets, program, limit switch."),
+    "operation": "Set-up and operation; the machine if it comes while a program runs, too.",
+}
+"""What to look at for an alarm, by its type of condition."""
+OTHER_CHECK = "What was done before each of them; the control's manual."
 EVIDENCE = ("load", "speed", "feed", "temperature", "temperature_estimated", "cutting_power")
 """Quantities beside an event: load [%], speed [rev/min], feed [mm/s], temperatures [°C], power
 [W]."""
@@ -47,10 +65,17 @@ def monitored(
     """
     windows = windows_of(folder, clean, sorted(state.days), settings)
     events, rules = scored(windows, state, usual, settings)
-    incidents = grouped(events, windows, identity, settings)
-    incidents += recurring(clean / "alarms.parquet", identity, settings, conditions)
+    alarms = recurring(clean / "alarms.parquet", identity, settings, conditions)
+    incidents = [*grouped(events, windows, identity, settings), *alarms]
+    rules["alarm"] = RuleState(
+        limit=float(settings.alarm_times), unit=f"times in {settings.alarm_days} days",
+        assessed_s=sum(day.seconds for day in state.days.values()) if conditions else 0.0,
+        events=sum(one.count for one in alarms),
+        not_assessed="" if conditions else "no condition of the control is in the records",
+    )  # fmt: skip
     return Monitored(
         machine=identity.name, origin=identity.origin, days=tuple(sorted(state.days)),
+        time_zone=zone_of(clean),
         known_good=usual.monitor.days, rules=rules,
         worked_s=round(float(windows.values["running"].sum()) * windows.length_s, 1),
         incidents=tuple(sorted(incidents, key=lambda one: (one.start, one.component))),
@@ -136,7 +161,8 @@ def grouped(
     def follows(group: list[Event], event: Event) -> bool:
         end = max(one.end for one in group)
         a, b = np.searchsorted(windows.start, [_time(end), _time(event.start)])
-        return end[:10] >= event.start[:10] or worked[b] - worked[a] <= settings.join_h
+        same_day = windows.day[a - 1] >= windows.day[b]
+        return bool(same_day) or worked[b] - worked[a] <= settings.join_h
 
     def kind(event: Event) -> tuple[bool, str]:
         return event.rule == FOREST, event.component
@@ -157,10 +183,16 @@ def grouped(
 def _incident(events: Sequence[Event], identity: MachineIdentity) -> Incident:
     by_rule = sorted(events, key=lambda one: (one.rule == FOREST, list(RULES).index(one.rule)))
     rule, first = RULES[by_rule[0].rule], min(events, key=lambda one: one.start)
+    most = max((one for one in events if one.rule == by_rule[0].rule),
+               key=lambda one: one.value / one.limit)  # fmt: skip
+    named = {"tool_number": "tool {}", "program": "program {}"}
+    where = [most.component, *(say.format(most.words[key]) for key, say in named.items()
+                               if key in most.words)]  # fmt: skip
+    says = f"{', '.join(where)}: {most.value:.3g} {most.unit}, limit {most.limit:.3g}"
     acts = any(one.severity == "act" for one in events)
     return incident_of(
         events, identity, component=by_rule[0].component, severity="act" if acts else "watch",
-        title=rule.title, check=rule.check, who=rule.who, key=first.rule,
+        title=rule.title, check=f"{says}. {rule.check}", who=rule.who, key=first.rule,
     )  # fmt: skip
 
 
@@ -195,7 +227,8 @@ def recurring(
     """Alarms of the control that recur: one incident a code, as long as it does.
 
     That is ``alarm_times`` within ``alarm_days``, or more minutes in seven days than in the seven
-    before.  An alarm that is open when the agent ends counts up to there.
+    before.  An alarm that is open when the agent ends counts up to there.  One of the control that
+    was never there while a program ran is of operation, a note.
     """
     table = pq.read_table(path) if path.exists() else None
     if table is None or not len(table):
@@ -204,11 +237,35 @@ def recurring(
                   for name in ("start", "end"))  # fmt: skip
     rows = table.select(["data_item", "level", "code", "message"]).to_pandas().fillna("")
     rows = rows.assign(start=start, end=np.where(np.isnan(end), start, end)).sort_values("start")
+    rows["run"] = _in_program(rows, path.parent)
+    rows["day"] = clock(rows["start"].to_numpy(np.int64), zone_of(path.parent)) // (DAY * NS)
     return [
-        _alarm_incident(group, conditions.get(str(item), ("", "")), identity, settings)
+        _alarm_incident(group, conditions.get(str(item), ("", "")), identity, settings,
+                        runs=bool(some["run"].any()))
         for (item, _, _), some in rows.groupby(["data_item", "code", "message"], sort=False)
         for group in _chains(some, settings)
-    ]
+    ]  # fmt: skip
+
+
+def _in_program(rows: pd.DataFrame, clean: Path) -> Any:
+    """Whether a program ran in each alarm or just before, or that is not known; shape (N,)."""
+    zone, spans = zone_of(clean), rows[["start", "end"]].to_numpy(np.int64)
+    spans = spans - np.array([round(BEFORE_S * NS), 0])
+    first, last = (clock(one, zone).astype("M8[ns]").astype("M8[D]").astype(str) for one in spans.T)
+    days, names = np.array(state_days(clean), dtype=str), ["time", "execution", "controller_mode"]
+    parts = [np.zeros((3, 0), dtype=np.int64)]
+    for day in days[[bool(((first <= day) & (day <= last)).any()) for day in days]]:
+        path = clean / "state" / f"{day}.parquet"
+        there = [name for name in names if name in pq.read_schema(path).names]
+        table = pq.read_table(path, columns=there).to_pandas().reindex(columns=names)
+        mode, execution = table["controller_mode"], table["execution"]
+        runs = (execution == "ACTIVE") & (mode.isna() | (mode == "AUTOMATIC"))
+        time = pd.DatetimeIndex(table["time"]).as_unit("ns").asi8
+        parts.append(np.stack([time, execution.notna(), runs]))
+    time, known, runs = np.concatenate(parts, axis=1)
+    a, b = np.searchsorted(time, spans[:, 0]), np.searchsorted(time, spans[:, 1], "right")
+    ran, seen = (np.append(0, np.cumsum(one)) for one in (runs, known))
+    return (ran[b] > ran[a]) | (seen[b] == seen[a])
 
 
 def _chains(rows: pd.DataFrame, settings: IncidentSettings) -> Iterator[pd.DataFrame]:
@@ -235,17 +292,17 @@ def _grew(rows: pd.DataFrame, settings: IncidentSettings) -> tuple[float, float]
 
 
 def _alarm_incident(
-    rows: pd.DataFrame,
-    condition: tuple[str, str],
-    identity: MachineIdentity,
-    settings: IncidentSettings,
-) -> Incident:
+    rows: pd.DataFrame, condition: tuple[str, str], identity: MachineIdentity,
+    settings: IncidentSettings, *, runs: bool,
+) -> Incident:  # fmt: skip
     """Alarms of one code; a fault on several days is to act on, else it is to be watched."""
     where, kind = condition
     item, code, message = rows[["data_item", "code", "message"]].iloc[0]
     words, grew = f"{code} {message}".strip() or item, _grew(rows, settings)
-    days = (rows["start"] // (DAY * NS)).nunique()
+    days = rows["day"].nunique()
+    operation = kind in CONTROL_TYPES and not runs
     acts: Severity = "act" if days > 1 and (rows["level"] == "fault").any() else "watch"
+    acts = "note" if operation else acts
     component = f"{where} ({item})" if where else str(item)
     events = [
         Event(
@@ -256,14 +313,18 @@ def _alarm_incident(
         for begin, end, level in zip(rows["start"].astype(int).tolist(),
                                      rows["end"].astype(int).tolist(), rows["level"], strict=True)
     ]  # fmt: skip
-    growth = "" if grew is None else f"; {grew[0]:.0f} min in a week after {grew[1]:.0f}"
+    growth = "" if grew is None else (
+        f"; {grew[0]:.0f} min in the last week, {grew[1]:.0f} min in the week before")  # fmt: skip
     when = f"{days} days" if days > 1 else "one day"
-    by_program = kind in PROGRAM_TYPES
+    when += ", never while a program ran" * operation
+    longest = float((rows["end"] - rows["start"]).max()) / NS
+    stood = f"{longest:.0f} s" if longest < MINUTE else f"{longest / MINUTE:.0f} min"
+    check = CHECKS.get("operation" if operation else kind, OTHER_CHECK)
+    who: Who = "process engineer" if operation or kind in PROGRAM_TYPES else "maintenance"
     return incident_of(
         events, identity, component=component, severity=acts,
         title=f"Alarm {words} comes again: {len(rows)} times on {when}{growth}",
-        check=PROGRAM_CHECK if by_program else ALARM_CHECK, key=f"alarm {words}",
-        who="process engineer" if by_program else "maintenance",
+        check=f"{component}, {words}, up to {stood}: {check}", key=f"alarm {words}", who=who,
     )  # fmt: skip
 
 

@@ -25,6 +25,7 @@ from pipeline.schema.twin_state import MANIFEST, QUANTITIES, TwinState, day_path
 from pipeline.signals.store import sha256_of
 from pipeline.signals.windows import read_state, state_days
 
+HEAT, LOAD = "spindle_temperature", "spindle_load"
 MEASURED = ("temperature", "load", "speed", "override")
 """Endings of the columns of the state table that a record sums up."""
 
@@ -103,7 +104,7 @@ def part_records(
         if program and named != program:
             continue
         found += 1
-        yield _record(log, one, (rows, files), tools, whole, programs.get(named, ()),
+        yield _record(log, one, (rows, files), tools, whole, programs.get(named, ()), named=named,
                       origin=origin, champion=champion)  # fmt: skip
     if not found:
         of = f" of program {program}" if program else ""
@@ -114,20 +115,25 @@ def part_records(
 
 def _record(
     log: _Log, one: Any, table: tuple[pd.DataFrame, Sequence[Path]], tools: tuple[ToolUse, ...],
-    whole: pd.DataFrame, programs: tuple[ProgramFile, ...], *, origin: str,
+    whole: pd.DataFrame, programs: tuple[ProgramFile, ...], *, named: str, origin: str,
     champion: Champion | None,
 ) -> PartRecord:  # fmt: skip
     rows, files = table
-    named = "" if pd.isna(one.program) else str(one.program)
     others = whole[(whole["program"] == named) & (whole["cycle"] != one.cycle)]["active_s"]
     blocks = _blocks(rows)
     twin = {name: found for name in QUANTITIES if (found := _estimated(rows, name)) is not None}
     bundle = "" if log.twin is None else log.twin.bundle
+    no_band = "" if log.twin is None else log.twin.temperature_interval_unknown
+    heat = twin.get(HEAT)
     lacking = {
         "programs": "" if programs else f"no program {named} among the machine's raw files"
         if named else "the log names no program",
         "blocks": "" if blocks else "the log states no line of the program",
         "wear": "wear is read from recordings of single tools; tools have the time that they cut",
+        LOAD: "run-ups count too: whether the spindle holds its speed is not known"
+        if LOAD in rows and not _holds(rows).any() else "",
+        f"{HEAT}_interval": (no_band or "no interval at these times")
+        if heat is not None and heat.low is None else "",
         **_not_estimated(log, twin, day_of(one.start.value, log.zone)),
     }  # fmt: skip
     local = [t.tz_convert(log.zone).isoformat() for t in (one.start, one.end)]
@@ -153,6 +159,13 @@ def _period(rows: pd.DataFrame) -> float:
     return float(np.median(steps)) * 1e-9 if len(steps) else 0.0
 
 
+def _holds(rows: pd.DataFrame) -> Any:
+    """Whether the spindle holds its speed or stands; shape (T,), all False where not known."""
+    if "spindle_steady" not in rows or not rows["spindle_steady"].notna().any():
+        return np.zeros(len(rows), dtype=np.bool_)
+    return (rows["spindle_steady"].eq(True) | rows["spindle_speed"].eq(0)).to_numpy()
+
+
 def _measured(log: _Log, rows: pd.DataFrame, files: Sequence[Path]) -> dict[str, Measured]:
     import pyarrow.parquet as pq
 
@@ -164,7 +177,8 @@ def _measured(log: _Log, rows: pd.DataFrame, files: Sequence[Path]) -> dict[str,
         if not name.endswith(MEASURED) or name not in schema.names:
             continue
         values = rows[name].to_numpy(float)
-        known = values[np.isfinite(values)]
+        counts = _holds(rows) if name == LOAD else np.zeros(len(rows), dtype=np.bool_)
+        known = values[np.isfinite(values) & (counts | ~counts.any())]
         unit = (schema.field(name).metadata or {}).get(b"unit", b"").decode()
         if len(known):
             found[name] = Measured(
@@ -245,7 +259,7 @@ class _Cut:
 
 
 def _alarms(log: _Log, start: pd.Timestamp, end: pd.Timestamp) -> tuple[PartAlarm, ...]:
-    """Alarms that stood at any time of a cycle."""
+    """Alarms that stood at any time of a cycle, with their time in it."""
     if not len(log.alarms):
         return ()
     stood: Any = log.alarms[(log.alarms["start"] < end)
@@ -254,7 +268,8 @@ def _alarms(log: _Log, start: pd.Timestamp, end: pd.Timestamp) -> tuple[PartAlar
         PartAlarm(
             level=str(a.level), code=str(a.code), message=str(a.message),
             start=a.start.tz_convert(log.zone).isoformat(),
-            seconds=None if pd.isna(a.end) else float((a.end - a.start).total_seconds()),
+            seconds=None if pd.isna(a.end)
+            else (min(a.end, end) - max(a.start, start)).total_seconds(),
             line=None if pd.isna(a.line) else int(a.line),
         )
         for a in stood.itertuples()

@@ -24,7 +24,6 @@ from pipeline.monitoring.day_estimates import TEMPERATURE
 from pipeline.monitoring.replay_parts import Part
 from pipeline.monitoring.replay_windows import CYCLES, MORNING, OF_CHAMPION, USUAL, Series
 from pipeline.schema.arrays import Bools, Floats
-from pipeline.schema.replay import Replacement, ReplayedQuantity
 
 MOST_Z, RISE_Z = 10.0, 5.0
 """Most that one window counts, in half intervals; most where what stands is looked for, so that no

@@ -44,13 +44,13 @@ class Rule:
 
 RULES: Mapping[str, Rule] = {
     "sensor_silent": Rule(
-        component=TEMPERATURE, severity="act", who="maintenance", unit="1",
+        component=TEMPERATURE, severity="act", who="maintenance", unit="of the readings",
         title="Temperature sensor of the spindle reports nothing while a program runs",
         check="Plug and cable of the sensor, its input at the control; is the item still sent?",
         needs="spindle temperature",
     ),
     "sensor_stuck": Rule(
-        component=TEMPERATURE, severity="act", who="maintenance", unit="half intervals",
+        component=TEMPERATURE, severity="act", who="maintenance", unit="× half interval",
         title="Temperature sensor of the spindle says the same while the spindle must have changed",
         check="Sensor and its input: touch or heat it and see whether the reading moves.",
         needs="spindle_temperature",
@@ -62,14 +62,14 @@ RULES: Mapping[str, Rule] = {
         needs="spindle temperature", learnt=True,
     ),
     "temperature_outside": Rule(
-        component=TEMPERATURE, severity="act", who="maintenance", unit="half intervals",
+        component=TEMPERATURE, severity="act", who="maintenance", unit="× half interval",
         title="Spindle temperature is not what speed and load explain",
         check="Hotter: chiller, pump, filter, then bearings. Colder, or drifting with the machine "
         "at rest: the sensor, against a thermometer on the housing.",
         needs="spindle_temperature", learnt=True,
     ),
     "no_load_power": Rule(
-        component=BEARINGS, severity="act", who="maintenance", unit="half intervals",
+        component=BEARINGS, severity="act", who="maintenance", unit="× half interval",
         title="Spindle needs another power than usual without a cut",
         check="Bearings: noise, play, lubrication, temperature at the nose; belt or clamping. Turn "
         "by hand, then run the warm-up and compare.",
@@ -88,25 +88,25 @@ RULES: Mapping[str, Rule] = {
         needs="spindle_load",
     ),
     "cut_load_high": Rule(
-        component=CUT, severity="watch", who="tool room", unit="spreads",
+        component=CUT, severity="watch", who="tool room", unit="× usual spread",
         title="Cut needs more load than this program and tool usually do",
         check="Wear of the tool, then material and blank, then offsets.",
         needs="spindle_load", learnt=True,
     ),
     "cut_load_low": Rule(
-        component=CUT, severity="act", who="tool room", unit="spreads",
+        component=CUT, severity="act", who="tool room", unit="× usual spread",
         title="Cut needs less load than this program and tool usually do",
         check="Is the tool broken or the blank missing? Tool length, offsets; check the last part.",
         needs="spindle_load", learnt=True,
     ),
     **{f"{axis}_following_error": Rule(
-        component=f"{axis.upper()} axis", severity="act", who="maintenance", unit="half intervals",
+        component=f"{axis.upper()} axis", severity="act", who="maintenance", unit="× half interval",
         title=f"{axis.upper()} axis follows otherwise than the twin says",
         check="Friction of guide and screw, lubrication, backlash, encoder; then the drive.",
         needs=f"{axis}_following_error", learnt=True,
     ) for axis in AXES},
     "forest": Rule(
-        component="machine", severity="watch", who="maintenance", unit="1",
+        component="machine", severity="watch", who="maintenance", unit="score",
         title="Machine behaves unlike its known-good days",
         check="The named quantities, beside those of the same program on a good day.",
         needs="spindle_load", learnt=True,

@@ -12,8 +12,6 @@ from pipeline.report.records import CLEANED, components, nanoseconds
 from pipeline.report.texts import ENGLISH, Texts
 from pipeline.schema.si import NS
 
-MOST_KINDS = 5
-"""Kinds of alarm on the lead's page; all of them are on that of the records."""
 MOST_ON_RECORDS = 12
 OPEN = np.iinfo(np.int64).min
 
@@ -56,12 +54,12 @@ class Alarm:
 
 @dataclass(frozen=True, kw_only=True)
 class Alarms:
-    """Alarms of a machine in the order of time, and how many conditions its agent describes."""
+    """Alarms of a machine in the order of time, and parts whose conditions its agent describes."""
 
     folders: MachineFolders
     shelf: SourceRegistry
     alarms: list[Alarm]
-    watched: int = 0
+    watched: tuple[str, ...] = ()
 
     @property
     def kinds(self) -> list[list[Alarm]]:
@@ -98,7 +96,7 @@ def machine_alarms(folders: MachineFolders, shelf: SourceRegistry) -> Alarms:
         )
         for i, row in enumerate(rows)
     ]  # fmt: skip
-    return Alarms(folders=folders, shelf=shelf, alarms=found, watched=len(conditions))
+    return Alarms(folders=folders, shelf=shelf, alarms=found, watched=tuple(conditions.values()))
 
 
 def kind_columns(say: Texts) -> tuple[Column[list[Alarm]], ...]:
@@ -153,7 +151,7 @@ def _place(one: Alarm, say: Texts) -> Cell | str:
 def alarms_section(alarms: Alarms, say: Texts = ENGLISH) -> Section | None:
     """Section on the alarms; nothing of a machine whose records hold no conditions."""
     if not alarms.alarms:
-        return _none(alarms, say)
+        return no_alarms(alarms, say)
     made = sources(alarms.shelf, alarms.folders.clean / "alarms.parquet")
     each = tabulated(say("alarms.each"), alarms.alarms[::-1], columns(say), made, most=MOST_ROWS,
                      folded=True)  # fmt: skip
@@ -162,18 +160,11 @@ def alarms_section(alarms: Alarms, say: Texts = ENGLISH) -> Section | None:
                    blocks=present(kinds, each))  # fmt: skip
 
 
-def lead_alarms(alarms: Alarms, say: Texts) -> Section | None:
-    """The same for the lead's page, shorter; nothing where records hold no conditions."""
-    if not alarms.alarms:
-        return _none(alarms, say)
-    return Section(key="alarms", title=say("alarms.title"), text=[_words(alarms.alarms, say)],
-                   blocks=present(_kinds(alarms, "alarms.kinds", MOST_KINDS, say)))  # fmt: skip
-
-
-def _none(found: Alarms, say: Texts) -> Section | None:
+def no_alarms(found: Alarms, say: Texts) -> Section | None:
+    """Section of a machine without alarms; None where its records hold no conditions."""
     if not found.watched:
         return None
-    said = say("alarms.none", count=found.watched)
+    said = say("alarms.none", count=len(found.watched))
     return Section(key="alarms", title=say("alarms.title"), text=[said])
 
 

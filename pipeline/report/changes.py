@@ -77,7 +77,7 @@ class KeyFigures:
 
     format: int
     machines: Machines
-    compared_with: Machines | None = None
+    compared_with: Machines = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,38 +134,51 @@ def key_figures(facts: MachineFacts, verdict: MachineVerdict) -> MachineFigures:
 
 @dataclass(frozen=True, kw_only=True)
 class Earlier:
-    """Report of the comparison: figures by machine, or ``why_not``, the key of a text."""
+    """Figures of one machine to compare with, or ``why_not``, the key of a text."""
 
-    machines: Machines | None
+    figures: MachineFigures | None
     why_not: str = ""
 
 
-def write_key_figures(path: Path, machines: Machines, earlier: Earlier) -> None:
-    """Write ``report.json`` with what it was compared with; equal reports are equal files."""
-    document = KeyFigures(format=FORMAT, machines=machines, compared_with=earlier.machines)
-    write_json(document, path)
+def last_report(path: Path | None) -> KeyFigures | str:
+    """The last ``report.json``, ``path`` or in it; the key of the text that says why there is none.
 
-
-def earlier_report(path: Path | None, machines: Machines) -> Earlier:
-    """The earlier report that one with the key figures ``machines`` is to be compared with.
-
-    ``path`` is the last ``report.json`` or its folder.  When it has the same key figures nothing
-    has changed since, and this report is compared with what that one was compared with: a report
-    written twice is the same report.
+    >>> last_report(None)
+    'changes.not_given'
     """
     if path is None:
-        return Earlier(machines=None, why_not="changes.not_given")
+        return "changes.not_given"
     file = path / "report.json" if path.is_dir() else path
     if not file.is_file():
-        return Earlier(machines=None, why_not="changes.first")
+        return "changes.first"
     try:
         last = read_json(file, KeyFigures)
     except StoreError:
-        return Earlier(machines=None, why_not="changes.unreadable")
-    if last.format != FORMAT:
-        return Earlier(machines=None, why_not="changes.other_format")
-    before = last.compared_with if last.machines == machines else last.machines
-    return Earlier(machines=before, why_not="changes.first")
+        return "changes.unreadable"
+    return last if last.format == FORMAT else "changes.other_format"
+
+
+def earlier(last: KeyFigures | str, machine: str, now: MachineFigures) -> Earlier:
+    """What a machine with the key figures ``now`` is to be compared with.
+
+    Where the last report has the same figures nothing has changed since, and they are compared with
+    what those were compared with: a report written twice is the same report.
+    """
+    if isinstance(last, str):
+        return Earlier(figures=None, why_not=last)
+    same = last.machines.get(machine) == now
+    return Earlier(figures=(last.compared_with if same else last.machines).get(machine),
+                   why_not="changes.first")  # fmt: skip
+
+
+def write_key_figures(path: Path, machines: Mapping[str, tuple[MachineFigures, Earlier]]) -> None:
+    """Write ``report.json`` with what it was compared with; equal reports are equal files."""
+    document = KeyFigures(
+        format=FORMAT, machines={name: now for name, (now, _) in machines.items()},
+        compared_with={name: one.figures for name, (_, one) in machines.items()
+                       if one.figures is not None},
+    )  # fmt: skip
+    write_json(document, path)
 
 
 def changes(

@@ -1,24 +1,25 @@
 """Condition over weeks on the page of records: the newest kept report beside the one before."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from pipeline.charts.numbers import NARROW, NOT_KNOWN, counted, fixed, joined, number, signed
 from pipeline.charts.sections import Section, present
-from pipeline.charts.sources import SourceRegistry
+from pipeline.charts.sources import Source, SourceRegistry
 from pipeline.charts.tables import Cell, Column, sources, tabulated
 from pipeline.report.folders import MachineFolders
 from pipeline.schema.condition import Condition, WeekReport
 
 MADE_FROM = "data/twin_state, data/clean and data/ledger, by the stage condition"
 NONE = "–"
+MOST_WEEKS = 12
+"""Weeks that pages look back."""
 STATUS = {"fine": "passed", "watch": "attention", "act": "failed", "not assessed": "unknown"}
 """Shape and colour of a state."""
 
 
 def condition_section(folders: MachineFolders, shelf: SourceRegistry) -> Section | None:
     """The newest week against its lines and the week before it; None where there is no report."""
-    paths = [] if folders.condition is None else sorted(folders.condition.glob("*.json"))[-2:]
-    reports = [one for path in paths if (one := shelf.read(path, WeekReport, MADE_FROM))]
+    reports = week_reports(folders, shelf)
     if not reports:
         return None
     newest, before = reports[-1], reports[-2] if len(reports) > 1 else None
@@ -30,7 +31,7 @@ def condition_section(folders: MachineFolders, shelf: SourceRegistry) -> Section
     if newest.missing:
         each = (f"{kind.replace('_', ' ')} ({why})" for kind, why in newest.missing.items())
         text.append(f"Not assessed: {'; '.join(each)}.")
-    made = sources(shelf, *paths)
+    made = week_sources(folders, shelf, reports[-2:])
     lined = [one for one in newest.conditions if one.state != "no line"]
     hours = [one for one in newest.conditions if one.state == "no line"]
     table = tabulated("Condition by week", lined, _columns(earlier), made,
@@ -39,6 +40,22 @@ def condition_section(folders: MachineFolders, shelf: SourceRegistry) -> Section
     times = tabulated("Hours of the week", hours, _columns(earlier)[:4], made, folded=True)
     return Section(key="condition", title="Condition over weeks", text=text,
                    blocks=present(table, times))  # fmt: skip
+
+
+def week_reports(folders: MachineFolders, shelf: SourceRegistry) -> tuple[WeekReport, ...]:
+    """Kept reports, the newest last, :data:`MOST_WEEKS` of them."""
+    paths = [] if folders.condition is None else sorted(folders.condition.glob("*.json"))
+    found = [shelf.read(path, WeekReport, MADE_FROM) for path in paths[-MOST_WEEKS:]]
+    return tuple(one for one in found if one is not None)
+
+
+def week_sources(
+    folders: MachineFolders, shelf: SourceRegistry, reports: Sequence[WeekReport]
+) -> list[Source]:
+    """Files of some kept reports."""
+    if folders.condition is None:
+        return []
+    return sources(shelf, *(folders.condition / f"{one.week}.json" for one in reports))
 
 
 def _columns(

@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Mapping
 
 from pipeline.charts.numbers import NARROW
-from pipeline.charts.sections import Action, Role, Section, present
+from pipeline.charts.sections import NOW, Action, Role, Section, present
 from pipeline.charts.tables import Cell, Column, sources, tabulated
-from pipeline.report.facts import NOW, ActionRow, MachineFacts
+from pipeline.report.facts import ActionRow, MachineFacts
 from pipeline.report.texts import Texts
 from pipeline.schema.days import is_day
 from pipeline.schema.ledger import PERIOD_NIGHTS, Night, asks, latest, spent

@@ -3,24 +3,30 @@
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import pyarrow.parquet as pq
+from markupsafe import Markup
 
 from pipeline.charts.sections import Action, PartVerdict, SubModelPage
 from pipeline.charts.sources import SourceRegistry, picked, shown
 from pipeline.charts.submodel_page import PageContent, Subject, submodel_page
+from pipeline.charts.svg import sparkline
 from pipeline.report.alarms import Alarms, machine_alarms
+from pipeline.report.condition import week_reports
 from pipeline.report.folders import CHOICES, MachineFolders, program_pages
 from pipeline.report.incidents import monitored
 from pipeline.report.part_programs import MODELS, PartPrograms, part_programs
 from pipeline.report.programs.simulated import Program, program_of, simulated_programs
 from pipeline.report.records import Changed, RecordsRead, records_read
 from pipeline.report.texts import Texts
-from pipeline.report.work import Work, work
+from pipeline.report.work import Work, days_between, work
 from pipeline.schema.bundle import BUNDLE, Bundle, model_hash
+from pipeline.schema.condition import WeekReport
+from pipeline.schema.days import day_of
 from pipeline.schema.golden import Days, GoldenSets
 from pipeline.schema.history import Entry, read_history
 from pipeline.schema.incident import Monitored
@@ -28,15 +34,15 @@ from pipeline.schema.ledger import Night, read_ledger
 from pipeline.schema.ledger import serving as of_serving
 from pipeline.schema.model import Model
 from pipeline.schema.program_cut import AS_WRITTEN, CutProgram
-from pipeline.schema.si import DAY
+from pipeline.schema.si import DAY, NS
 from pipeline.schema.store import StoreError
 from pipeline.schema.verdict import Verdict
 from pipeline.submodels.contract import Shown, submodel
 from pipeline.submodels.siblings import siblings_section
 
 Status = Literal["failed", "attention", "passed", "unknown"]
-NOW = "now"
-"""Deadline of what is urgent."""
+AT_MACHINE = ("maintenance", "tool room")
+"""Who works at the machine itself."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +52,29 @@ class ActionRow:
     action: Action
     href: str = ""
     english: tuple[str, ...] = ()
+    risk: Literal[0, 1, 2] = 0
+    """2 where the machine, a part or the judgement is at stake, 1 where something is to be watched,
+    0 of what only makes the twin better."""
+    since: str = ""
+    """ISO day since when it is known; empty where it has none."""
+    course: tuple[float, ...] = ()
+    """Its course over days or weeks up to the newest, for a sparkline; NaN where unknown."""
+
+    @property
+    def status(self) -> Status:
+        """Look of the risk."""
+        looks: tuple[Status, Status, Status] = ("unknown", "attention", "failed")
+        return looks[self.risk]
+
+    def spark(self, say: Texts) -> Markup:
+        """Its course as a curve, with the values on hover."""
+        known = [say.number(one) for one in self.course if isfinite(one)]
+        return sparkline(self.course, say("actions.course", values=", ".join(known)))
+
+    @property
+    def engineers(self) -> bool:
+        """Whether it is for engineers, and nothing is at stake before they come to it."""
+        return self.risk < 2 and self.action.who not in AT_MACHINE
 
     def until(self, say: Texts) -> str:
         """Deadline, in words."""
@@ -81,6 +110,8 @@ class MachineVerdict:
     twin: StateLine
     actions: list[ActionRow]
     passed: tuple[int, int] | None = None
+    read: tuple[str, ...] = ()
+    """Sentences to be read aloud: the machine, what comes first, what the twin is good for."""
 
     @property
     def status(self) -> Status:
@@ -214,6 +245,7 @@ def serving(
 
 REMOVED_A_DAY = 50
 """Wrong values of one item on a working day above which its sensor or wiring is in doubt."""
+WEEK_S = 7.0 * DAY
 SILENT_S = float(DAY)
 """Time by which a log that still writes may end before other records [s]: a day off."""
 AT_ONCE_S = 600.0
@@ -274,6 +306,8 @@ class MachineFacts:
     """Nights on which what serves was scored."""
     monitored: Monitored | None = None
     """What monitoring found; None where the machine has no state of a twin."""
+    weeks: tuple[WeekReport, ...] = ()
+    """Kept reports of the condition by week, the newest last."""
     written: Mapping[str, Program] = field(default_factory=dict)
     """Programs as written with their cut, by the label of their optimisation."""
 
@@ -316,13 +350,26 @@ class MachineFacts:
     def silence(self) -> float | None:
         """Time by which the log ends before other live sources [s]; None where it does not.
 
-        A machine whose agent says at the end that it is unavailable is off, not silent.
+        A machine whose agent says at the end that it is unavailable is off, not silent; so is one
+        that ended before days that are usually not worked.
         """
         end, last = self.work.last, self.records.last_live
         if end is None or last is None or self.off:
             return None
         behind = last.timestamp() - end
-        return behind if behind > SILENT_S else None
+        return behind if behind > SILENT_S and self.unusually_off else None
+
+    @property
+    def unusually_off(self) -> bool:
+        """Whether a whole day that is usually worked, or a week, lies between its last record and
+        the newest of other live sources.
+        """
+        end, last = self.work.last, self.records.last_live
+        if end is None or last is None:
+            return False
+        zone = self.work.time_zone
+        days = [day_of(int(at * NS), zone) for at in (end, last.timestamp())]
+        return last.timestamp() - end > WEEK_S or bool(self.work.surprising(days_between(days)))
 
     def titles(self, names: Iterable[str], words: Callable[[str], str] = str) -> str:
         """Titles of sub-models, joined, each as ``words`` gives it."""
@@ -360,6 +407,7 @@ def machine_facts(folders: MachineFolders) -> MachineFacts:
         logged=logged_signals(folders),
         nights=_nights(folders, shelf, serves),
         monitored=monitored(folders, shelf),
+        weeks=week_reports(folders, shelf),
     )
 
 

@@ -15,7 +15,7 @@ State = tuple[Literal["failed", "attention", "passed"], str, list[str]]
 INCIDENTS = "incidents"
 """Subject of the page."""
 MADE_FROM = "the twin’s state and the control’s alarms, by the stage monitor"
-STATUS = {"act": "failed", "watch": "attention"}
+STATUS = {"act": "failed", "watch": "attention", "note": "unknown"}
 """Look of a severity."""
 MOST = 40
 
@@ -74,8 +74,8 @@ def _text(found: Monitored) -> Iterator[str]:
     yield (
         f"In {hours(found.worked_s)}{NARROW}h of running programs on "
         f"{counted(len(found.days), 'day')}: {counted(by.count('act'), 'incident')} to act on, "
-        f"{by.count('watch')} to watch. Events of one component are one incident while they recur "
-        "within a working day."
+        f"{by.count('watch')} to watch, {by.count('note')} of operation. Events of one component "
+        "are one incident while they recur within a working day."
     )
 
 

@@ -1,26 +1,34 @@
-"""Page of one machine for its maintenance lead: actions, and trust in the twin."""
+"""Page of one machine for its maintenance lead: its week, what to do, what the twin is good for."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
+
+import numpy as np
+from markupsafe import Markup
 
 from pipeline.charts.numbers import instant
 from pipeline.charts.sections import Section, present
 from pipeline.charts.tables import Cell, Column, Table, sources, tabulated
-from pipeline.report.alarms import lead_alarms
 from pipeline.report.changes import Change, columns
+from pipeline.report.components import (
+    ComponentState,
+    component_states,
+    outline,
+    weeks_worked,
+)
 from pipeline.report.drift import drift_section
 from pipeline.report.evidence import EvidencePage
-from pipeline.report.facts import MachineFacts, MachineVerdict
+from pipeline.report.facts import ActionRow, MachineFacts, MachineVerdict
 from pipeline.report.folders import MachineFolders, evidence_page
 from pipeline.report.records import source_of
 from pipeline.report.scorecard import Line, scorecard
 from pipeline.report.texts import Texts
-from pipeline.report.work import Day, Work
-from pipeline.schema.si import NS
+from pipeline.report.week import alarms_of_week, time_section, week_section, weeks_section
+from pipeline.schema.si import DAY, NS
 
-MOST_ACTIONS = 12
+MOST_ACTIONS = 5
 """Actions that stand on the page at once; the others open on demand."""
-MOST_CHANGES = 6
+MOST_CHANGES = 4
 """Changes on the page; all of them are on that of the records."""
 
 
@@ -31,13 +39,28 @@ class LeadPage:
     folders: MachineFolders
     verdict: MachineVerdict
     """Condition of the machine, its twin, and what is to be done."""
+    head: list[str]
+    """Calendar week, the week that it is compared with, since when the machine is off."""
+    components: list[ComponentState]
+    outline: Markup
+    """Outline of the machine with the state of each component."""
+    shown: list[ActionRow]
+    folded: list[ActionRow]
+    """Actions that stand on the page, and those that open on demand."""
     scorecard: list[Line]
-    """Trust in the twin, by sub-model."""
+    """What the twin may be used for, by sub-model."""
+    week: Section | None = None
+    first: list[Section] = field(default_factory=list)
+    """The week on its time axis, and the other sections of the first sheet."""
     sections: list[Section] = field(default_factory=list)
-    """Drift, alarms, changes, time, last records."""
+    """Sections of the second sheet: drift, changes, last records."""
     pages: list[tuple[str, str]] = field(default_factory=list)
     """File and title, in English, of each page of evidence."""
-    most_actions: int = MOST_ACTIONS
+
+    @property
+    def engineers(self) -> int:
+        """Number of the folded actions that are for engineers."""
+        return sum(row.engineers for row in self.folded)
 
 
 def lead_page(
@@ -46,20 +69,43 @@ def lead_page(
 ) -> LeadPage:  # fmt: skip
     """The lead's page of one machine; ``since`` names the report that changes are held against."""
     name = facts.folders.name
-    sections = [
-        drift_section(facts, say),
-        lead_alarms(facts.alarms, say),
-        _changes(changes, why_none, since, say),
-        _time(facts, say),
-        _last_records(facts, say),
-    ]
+    components = component_states(facts, say)
+    shown = [row for row in verdict.actions if not row.engineers][:MOST_ACTIONS]
+    first = [weeks_section(facts, say), time_section(facts, say), alarms_of_week(facts, say),
+             *(page.lead for page in facts.pages)]  # fmt: skip
+    second = [drift_section(facts, say), _changes(changes, why_none, since, say),
+              _last_records(facts, say)]  # fmt: skip
     return LeadPage(
         folders=facts.folders,
         verdict=verdict,
-        scorecard=scorecard(name, facts.models, say),
-        sections=[section for section in sections if section is not None],
+        head=head_of(facts, say),
+        components=components,
+        outline=outline(components, say),
+        shown=shown,
+        folded=[row for row in verdict.actions if row not in shown],
+        scorecard=scorecard(facts, say),
+        week=week_section(facts, say),
+        first=[section for section in first if section is not None],
+        sections=[section for section in second if section is not None],
         pages=[(evidence_page(name, one.subject), one.title) for one in evidence],
     )
+
+
+def head_of(facts: MachineFacts, say: Texts) -> list[str]:
+    """Calendar week of the newest record, the one before it, since when the machine is off."""
+    weeks, end = weeks_worked(facts), facts.work.last
+    if not weeks or end is None:
+        return [say("head.no_log")]
+    named = [say("head.week", week=int(one[6:]), year=one[:4]) for one in weeks[-2:]]
+    said = [named[-1]]
+    said.append(say("head.compared", week=named[0]) if len(named) > 1 else say("head.first"))
+    at = say.moment(int(end * NS))
+    if facts.off:
+        usual = "unusual" if facts.unusually_off else "usual"
+        said.append(say("head.off", moment=at, usual=say(f"head.{usual}")))
+    else:
+        said.append(say("head.until", moment=at))
+    return said
 
 
 def _changes(changes: list[Change], why_none: str, since: str, say: Texts) -> Section:
@@ -75,79 +121,11 @@ def _changes(changes: list[Change], why_none: str, since: str, say: Texts) -> Se
     )
 
 
-def _time(facts: MachineFacts, say: Texts) -> Section:
-    table = time_use_table(facts.work, say)
-    return Section(key="time", title=say("time.title"), text=[] if table else [say("time.none")],
-                   blocks=present(table))  # fmt: skip
-
-
-KINDS = ("cut", "air", "warm_up")
-"""Kinds of segment, by their key in the texts."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Use:
-    """Use of the time: its name, its seconds, the whole that it is a share of."""
-
-    name: str
-    seconds: float | None
-    whole: float | None
-    formula: str
-
-
-def use_columns(say: Texts) -> tuple[Column[Use], ...]:
-    """Columns of the table."""
-    return (
-        Column(say("time.use"), lambda use: use.name),
-        Column(say("time.total"), lambda use: say.hours(use.seconds), "h"),
-        Column(say("time.share"), lambda use: say.percent(use.seconds, use.whole), ""),
-        Column(say("time.formula"), lambda use: use.formula),
-    )
-
-
-def time_use_table(done: Work, say: Texts) -> Table | None:
-    """Totals over all days with records; None without any."""
-    days = done.worked_days
-    if not days:
-        return None
-    first, last = days[0].day, days[-1].day
-    caption = say(
-        "time.table", days=say("time.days", count=len(days)),
-        first=say.day(first, year=first[:4] != last[:4]), last=say.day(last, year=True),
-    )  # fmt: skip
-    return tabulated(
-        caption, uses(days, say), use_columns(say), sources(done.shelf, *done.state_files)
-    )
-
-
-def uses(days: Sequence[Day], say: Texts) -> list[Use]:
-    """Recorded time, its execution states, and what the segments of programs say of it."""
-    known = sum(d.known for d in days)
-
-    def use(key: str, seconds: float | None, whole: float | None, formula: str = "") -> Use:
-        words = formula or say(f"time.{key}_as")
-        return Use(name=say(f"time.{key}"), seconds=seconds, whole=whole, formula=words)
-
-    found = [
-        use("recorded", known, sum(sum(d.seconds.values()) for d in days)),
-        use("active", sum(d.active for d in days), known),
-        use("stopped", sum(d.stopped for d in days), known),
-        use("running", _sum(days, lambda d: d.running), _sum(days, lambda d: d.speed_known)),
-    ]
-    if any(d.kinds for d in days):
-        of_kinds = {kind: sum(d.kinds.get(kind, 0.0) for d in days) for kind in KINDS}
-        whole, each = sum(of_kinds.values()), say("time.segment_as")
-        segments = [use(k, seconds, whole, each) for k, seconds in of_kinds.items() if seconds]
-        found += [use("segments", whole, known), *segments]
-    return [one for one in found if one.seconds is not None]
-
-
-def _sum(days: Sequence[Day], of: Callable[[Day], float | None]) -> float | None:
-    known = [value for day in days if (value := of(day)) is not None]
-    return sum(known) if known else None
-
-
-MOST_SOURCES = 8
+MOST_SOURCES = 4
+FEWEST_ENDS = 4
+"""Ends of files from which on the time between them is a habit."""
+LATE = 1.5
+"""Longest time between files that a source may be silent for, as a multiple of it [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,6 +137,10 @@ class Origin:
     last: float | None
     silent: float | None = None
     off: bool = False
+    every: float | None = None
+    """Usual time between the ends of its files [s]; None for fewer than :data:`FEWEST_ENDS`."""
+    late: float | None = None
+    """Time from its last record to the newest of the machine [s], where it never was as long."""
 
 
 def origins(facts: MachineFacts, log_name: str) -> list[Origin]:
@@ -168,10 +150,12 @@ def origins(facts: MachineFacts, log_name: str) -> list[Origin]:
         when = instant(read.last)
         stamp = None if when is None else when.timestamp()
         found.setdefault(source_of(name, read), []).append(stamp)
+    newest: dict[str, float] = {}
+    for name, ends in found.items():
+        kind = name.rpartition(" ")[2]
+        newest[kind] = max([newest.get(kind, 0.0), *(end for end in ends if end is not None)])
     each = [
-        Origin(
-            name=name, files=len(ends), last=max((e for e in ends if e is not None), default=None)
-        )
+        _origin(name, ends, facts.records.newest, newest[name.rpartition(" ")[2]])
         for name, ends in found.items()
     ]
     clocked = sorted(
@@ -187,19 +171,43 @@ def origins(facts: MachineFacts, log_name: str) -> list[Origin]:
     return [*(log if end is not None else []), *clocked]
 
 
+def _origin(
+    name: str, ends: list[float | None], newest: datetime | None, newest_like: float
+) -> Origin:
+    """A source, with the time between its files and whether it is late by that.
+
+    ``newest_like`` is the last record of all sources of its format, which go on in its place.
+    """
+    known = sorted({end for end in ends if end is not None})
+    gaps = np.diff(known)
+    last = known[-1] if known else None
+    if len(known) < FEWEST_ENDS or newest is None or last is None or last - known[0] < DAY:
+        return Origin(name=name, files=len(ends), last=last)
+    behind = newest.timestamp() - newest_like
+    late = behind if behind > LATE * float(gaps.max()) else None
+    return Origin(name=name, files=len(ends), last=last, every=float(np.median(gaps)), late=late)
+
+
 def origin_columns(say: Texts) -> tuple[Column[Origin], ...]:
     """Columns of the table."""
     return (
         Column(say("last.source"), lambda one: one.name),
-        Column(say("last.files"), lambda one: say.number(one.files), ""),
         Column(say("last.record"), lambda one: (
             say.moment(None if one.last is None else int(one.last * NS))
         )),
-        Column(say("last.state"), lambda one: (
-            Cell(text=say("last.silent", duration=say.duration(one.silent)), status="failed")
-            if one.silent is not None else say("last.off") if one.off else "–"
+        Column(say("last.every"), lambda one: (
+            "–" if one.every is None else say("last.each", hours=say.number(one.every / 3600, 2))
         )),
+        Column(say("last.state"), lambda one: _state(one, say)),
     )  # fmt: skip
+
+
+def _state(one: Origin, say: Texts) -> Cell | str:
+    if one.silent is not None:
+        return Cell(text=say("last.silent", duration=say.duration(one.silent)), status="failed")
+    if one.late is not None:
+        return Cell(text=say("last.late", duration=say.duration(one.late)), status="attention")
+    return say("last.off") if one.off else "–"
 
 
 def _last_records(facts: MachineFacts, say: Texts) -> Section:

@@ -11,24 +11,26 @@ the path of an optimised program.  Text from records is escaped.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from pipeline.charts.numbers import NARROW, number, signed
 from pipeline.charts.sections import PartVerdict, Section, present
 from pipeline.charts.sources import SourceRegistry, hash_of_files
 from pipeline.charts.tables import Column, Table, sources, tabulated
+from pipeline.parallel import mapped
 from pipeline.report import changes
 from pipeline.report.cut.page import cut_page
+from pipeline.report.cut.recorded import against, recorded_section
 from pipeline.report.cut.tables import NONE, figure, share
 from pipeline.report.evidence import evidence_pages
 from pipeline.report.facts import (
-    NOW,
-    ActionRow,
     MachineFacts,
     MachineVerdict,
     Status,
     machine_facts,
 )
+from pipeline.report.fleet_page import FleetRow, fleet_page, fleet_row
 from pipeline.report.folders import PROGRAMS, RECORDS, FleetInfo, MachineFolders, evidence_page
 from pipeline.report.lead_page import lead_page
 from pipeline.report.optimised import tables
@@ -42,106 +44,6 @@ from pipeline.report.verdict import machine_notes, machine_verdict
 from pipeline.schema.files import together
 from pipeline.schema.part import Side
 from pipeline.schema.store import write_json
-
-GROUPS = ("now", "maintenance", "twin", "other", "nothing", "unknown")
-"""Groups by their key in the texts, in the order of the page."""
-AT_MACHINE = ("maintenance", "tool room")
-MOST_NAMES = 12
-"""Machines that a credit names; the others are counted."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FleetRow:
-    """Row of a machine: its verdict, its first action, its group and the end of its records.
-
-    ``last_of`` are the sources that end there; empty without a clock.
-    """
-
-    folders: MachineFolders
-    verdict: MachineVerdict
-    group: str
-    last: str
-    last_of: str = ""
-
-    @property
-    def first(self) -> ActionRow | None:
-        """The action that comes first; None without any."""
-        return next(iter(self.verdict.actions), None)
-
-
-@dataclass(frozen=True, kw_only=True)
-class FleetGroup:
-    """Machines that need the same kind of attention."""
-
-    key: str
-    title: str
-    rows: list[FleetRow]
-
-
-@dataclass(frozen=True, kw_only=True)
-class FleetPage:
-    """Groups that have a machine, the fleet in a sentence, and whose records they are.
-
-    ``condition`` is a sentence where it is the same for all; each machine has its own without it.
-    """
-
-    groups: list[FleetGroup]
-    headline: str
-    condition: str
-    simulated: bool
-    credits: list[tuple[str, str]]
-
-
-def fleet_row(facts: MachineFacts, verdict: MachineVerdict, say: Texts) -> FleetRow:
-    """Line of one machine."""
-    records = facts.records
-    newest = records.newest
-    last = say("fleet.no_clock") if newest is None and records.files else say.moment(newest)
-    of = "" if newest is None else say(f"fleet.last_{'live' if records.last_live else 'all'}")
-    return FleetRow(
-        folders=facts.folders, verdict=verdict, group=group_of(verdict), last=last, last_of=of
-    )
-
-
-def group_of(verdict: MachineVerdict) -> str:
-    """Key of the group that a machine belongs to, by its most urgent action."""
-    actions = [row.action for row in verdict.actions]
-    if verdict.twin.status == "unknown" and all(one.who not in AT_MACHINE for one in actions):
-        return "unknown"
-    if any(one.until == NOW for one in actions):
-        return "now"
-    if any(one.who in AT_MACHINE for one in actions):
-        return "maintenance"
-    if verdict.twin.status in ("failed", "attention"):
-        return "twin"
-    return "other" if actions else "nothing"
-
-
-def fleet_page(rows: Sequence[FleetRow], say: Texts = ENGLISH) -> FleetPage:
-    """The fleet in groups; in each the machine with most to do first, then by name."""
-    ordered = sorted(rows, key=lambda row: (-len(row.verdict.actions), row.folders.name))
-    found = [
-        FleetGroup(key=key, title=say(f"fleet.group.{key}"),
-                   rows=[row for row in ordered if row.group == key])
-        for key in GROUPS
-    ]  # fmt: skip
-    groups = [group for group in found if group.rows]
-    parts = [say(f"fleet.in_group.{group.key}", count=len(group.rows)) for group in groups]
-    machines = say("fleet.machines", count=len(rows))
-    words = {row.verdict.condition.word for row in rows}
-    owners: dict[str, list[str]] = {}
-    for row in sorted(rows, key=lambda row: row.folders.name):
-        if row.folders.credit:
-            owners.setdefault(row.folders.credit, []).append(row.folders.name)
-    return FleetPage(
-        groups=groups,
-        headline=say("fleet.headline", machines=machines, groups=", ".join(parts))
-        if rows else say("fleet.none"),
-        condition=say("fleet.same_condition", condition=words.pop()) if len(words) == 1 else "",
-        simulated=bool(rows) and all(row.folders.origin == "simulated" for row in rows),
-        credits=[(say.some(names, MOST_NAMES), credit) for credit, names in owners.items()],
-    )  # fmt: skip
-
 
 LOADS_PARTS = "cutting"
 """Sub-model whose forces the predicted loads of optimised programs rest on."""
@@ -166,6 +68,9 @@ def machine_program_pages(facts: MachineFacts) -> Iterator[tuple[str, Standalone
         elif name in labels:
             program = written[labels[name]]
             page = cut_page(program, *program.sources(facts.shelf))
+            log = recorded_section(program, facts.folders, facts.work, facts.shelf)
+            *first, basis = page.sections
+            page = replace(page, sections=[*first, *([] if log is None else [log]), basis])
             beside = ((files[labels[name]], "Optimised"),)
         else:
             page = simulated_page(simulated[name], classes, facts.shelf, _assumed(facts))
@@ -248,6 +153,12 @@ def trial_table(parts: PartPrograms, shelf: SourceRegistry, part: PartProgram) -
          share(None if certainty is None else certainty.exceedance),
          f"{cut.after.above} of {cut.seeds}"),
     ]  # fmt: skip
+    peaks = {} if certainty is None else {one.share: one.load_N for one in certainty.peaks}
+    low, high = peaks.get(0.05), peaks.get(0.95)
+    if low is not None and high is not None:
+        mean = cut.after.peak_load_N.mean
+        rows.append(("Peak load, 90 % interval, N", NONE, NONE, f"{number(low)} to {number(high)}",
+                     against((low, high), (mean, mean))))  # fmt: skip
     most = "" if allowed is None else f"; allowed was at most {share(allowed)}"
     trial = [] if parts.trial is None else [parts.trial]
     return tabulated(
@@ -309,14 +220,15 @@ class ReportMetrics:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Report:
-    """A report before it is written: pages by file, key figures, and what they are held against."""
+class MachineReport:
+    """Pages of a machine by file, its row in the fleet, its key figures and what they rest on."""
 
     pages: Mapping[str, RenderedPage]
-    facts: Mapping[str, MachineFacts]
-    judged: Mapping[str, MachineVerdict]
-    figures: Mapping[str, changes.MachineFigures]
+    row: FleetRow
+    figures: changes.MachineFigures
     earlier: changes.Earlier
+    metrics: MachineMetrics
+    made: Made
 
 
 @together()
@@ -331,62 +243,67 @@ def write_report(
 ) -> list[Path]:
     """Write the pages of a fleet and ``out/report.json``, and return every page.
 
-    See :func:`report_of`. Each page has its record beside it. ``metrics`` is the file of the
-    report's metrics. ValueError when two machines have the same name, or two pages would.
-    """
-    report = report_of(machines, fleet, previous, say=say)
-    for page, one in report.pages.items():
-        one.write(out / page)
-    changes.write_key_figures(out / "report.json", report.figures, report.earlier)
-    if metrics is not None:
-        write_json(_metrics(report.facts, report.judged), metrics)
-    return [out / page for page in report.pages]
-
-
-def report_of(
-    machines: list[MachineFolders], fleet: FleetInfo, previous: Path | None, *,
-    say: Texts = ENGLISH,
-) -> Report:  # fmt: skip
-    """Every page of a fleet.
-
     Those are ``index.html``, ``<machine>.html`` for its lead, and for the evidence
     ``<machine>_<sub-model>.html``, ``<machine>_programs.html``, ``<machine>_records.html`` and for
-    each part program ``<machine>_program_<name>.html``.
+    each part program ``<machine>_program_<name>.html``; each has its record beside it.
 
     Files of ``machines`` that are absent are reported, not raised. ``previous`` is the
     ``report.json`` of the last report, or its folder, which may be ``out``; written again with
-    nothing changed, the pages are the same bytes. The fleet's and the leads' pages are in the
-    language of ``say``, those of evidence in English. ValueError when two machines have the same
-    name, or two pages would.
+    nothing changed, the pages are the same bytes. ``metrics`` is the file of the report's metrics.
+    The fleet's and the leads' pages are in the language of ``say``, those of evidence in English.
+    ValueError when two machines have the same name, or two pages would.
     """
     names = [m.name for m in machines]
     double = sorted({n for n in names if names.count(n) > 1})
     if double:
         raise ValueError(f"machine {double[0]} stands twice in the fleet; give each its own name")
-    facts = {m.name: machine_facts(m) for m in machines}
-    judged = {name: machine_verdict(f, say) for name, f in facts.items()}
-    figures = {name: changes.key_figures(f, judged[name]) for name, f in facts.items()}
-    earlier = changes.earlier_report(previous, figures)
+    last = changes.last_report(previous)
+    made = mapped(partial(machine_report, last=last, fleet=fleet, say=say), machines)
     pages: dict[str, RenderedPage] = {}
-    for name in names:
-        made = _machine_pages(facts[name], judged[name], earlier, figures[name], fleet, say)
-        twice = sorted(set(made) & set(pages))
-        if twice:
+    for name, one in zip(names, made, strict=True):
+        if twice := sorted(set(one.pages) & set(pages)):
             raise ValueError(
                 f"machine {name} and another would both write {twice[0]}; rename one of them"
             )
-        pages |= made
-    index = fleet_page([fleet_row(facts[name], judged[name], say) for name in names], say)
-    by = [_made(one, fleet) for one in facts.values()]
+        pages |= one.pages
+    pages["index.html"] = _index(made, fleet, say)
+    for file, page in pages.items():
+        page.write(out / file)
+    changes.write_key_figures(out / "report.json", {
+        name: (one.figures, one.earlier) for name, one in zip(names, made, strict=True)
+    })  # fmt: skip
+    if metrics is not None:
+        write_json(ReportMetrics(
+            status={s: sum(one.metrics.status == s for one in made) for s in STATUSES},
+            machines={name: one.metrics for name, one in zip(names, made, strict=True)},
+        ), metrics)  # fmt: skip
+    return [out / page for page in pages]
+
+
+def machine_report(
+    machine: MachineFolders, *, last: changes.KeyFigures | str, fleet: FleetInfo, say: Texts
+) -> MachineReport:
+    """Pages of one machine, and what the fleet's page says of it."""
+    facts = machine_facts(machine)
+    verdict = machine_verdict(facts, say)
+    now = changes.key_figures(facts, verdict)
+    earlier = changes.earlier(last, machine.name, now)
+    pages = _machine_pages(facts, verdict, earlier, now, fleet, say)
+    return MachineReport(
+        pages=pages, row=fleet_row(facts, verdict, say), figures=now, earlier=earlier,
+        metrics=_metrics(facts, verdict), made=_made(facts, fleet),
+    )  # fmt: skip
+
+
+def _index(made: Sequence[MachineReport], fleet: FleetInfo, say: Texts) -> RenderedPage:
+    by = [one.made for one in made]
     whole = Made(
         code=fleet.code, files=tuple(file for one in by for file in one.files),
         settings=hash_of_files((one.settings, "") for one in by if one.settings),
         model=hash_of_files((one.model, "") for one in by if one.model),
     )  # fmt: skip
-    pages["index.html"] = renderer(say)(
-        "index.html.j2", "index.html", whole, index=index, fleet=fleet
-    )
-    return Report(pages=pages, facts=facts, judged=judged, figures=figures, earlier=earlier)
+    index = fleet_page([one.row for one in made], say)
+    return renderer(say)("index.html.j2", "index.html", whole, index=index, fleet=fleet)
 
 
 def _made(facts: MachineFacts, fleet: FleetInfo) -> Made:
@@ -406,12 +323,11 @@ def _machine_pages(
 ) -> dict[str, RenderedPage]:  # fmt: skip
     """Pages of one machine by file; those of evidence are in English."""
     name = facts.folders.name
-    before = (earlier.machines or {}).get(name)
     changed = changes.changes_section(*_compared(earlier, facts, now, ENGLISH))
     evidence = evidence_pages(facts, changed, machine_notes(facts))
     page = lead_page(
         facts, verdict, evidence, *_compared(earlier, facts, now, say),
-        since=changes.since_words(before, say), say=say,
+        since=changes.since_words(earlier.figures, say), say=say,
     )  # fmt: skip
     programs = dict(machine_program_pages(facts))
     made, file = _made(facts, fleet), f"{name}.html"
@@ -430,31 +346,18 @@ def _compared(
     earlier: changes.Earlier, facts: MachineFacts, now: changes.MachineFigures, say: Texts
 ) -> tuple[list[changes.Change], str]:
     """Changes of one machine, and what to say when there are none."""
-    if earlier.machines is None:
+    if earlier.figures is None:
         return [], say(earlier.why_not)
-    before = earlier.machines.get(facts.folders.name)
-    if before is None:
-        return [], say("changes.not_in_last")
-    found = changes.changes(before, now, {one.name: one.page.changed for one in facts.models}, say)
+    notes = {one.name: one.page.changed for one in facts.models}
+    found = changes.changes(earlier.figures, now, notes, say)
     return found, "" if found else say("changes.nothing")
 
 
-def _metrics(
-    facts: Mapping[str, MachineFacts], judged: Mapping[str, MachineVerdict]
-) -> ReportMetrics:
-    return ReportMetrics(
-        status={s: sum(v.status == s for v in judged.values()) for s in STATUSES},
-        machines={
-            name: MachineMetrics(
-                status=judged[name].status,
-                days=len(f.work.worked_days),
-                records=f.records.records,
-                rejected=f.records.rejected,
-                submodels=_counts(f),
-            )
-            for name, f in facts.items()
-        },
-    )
+def _metrics(facts: MachineFacts, verdict: MachineVerdict) -> MachineMetrics:
+    return MachineMetrics(
+        status=verdict.status, days=len(facts.work.worked_days), records=facts.records.records,
+        rejected=facts.records.rejected, submodels=_counts(facts),
+    )  # fmt: skip
 
 
 def _counts(facts: MachineFacts) -> SubModelCounts:

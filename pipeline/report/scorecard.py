@@ -1,15 +1,17 @@
-"""Trust in the twin: a row for each sub-model, from its verdict alone.
+"""Uses of the twin: a row for each sub-model by what it is used for, from its verdict alone.
 
-The figure of a row is the error that takes the largest share of its limit.
+The typical error is the mean over all judged records of the quantity whose error takes the largest
+share of its limit; the best baseline on the same records is the one that it stands beside.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 from pipeline.charts.numbers import TOGETHER, powers, unit_words
-from pipeline.report.facts import ModelledPart
+from pipeline.report.facts import MachineFacts, ModelledPart
 from pipeline.report.folders import evidence_page
 from pipeline.report.texts import ENGLISH, Texts
+from pipeline.schema.history import served
 from pipeline.schema.verdict import MOST_PERCENT, Score, Verdict
 
 JUDGED_ON = ("golden", "held_out")
@@ -17,6 +19,8 @@ JUDGED_ON = ("golden", "held_out")
 MINUS = "\N{MINUS SIGN}"
 FEW = 5
 """Groups of records below which their number is said."""
+NARROW_BELOW, WIDE_ABOVE = 0.85, 0.95
+"""Shares of samples beyond which a 90 % interval is too narrow, or wider than it need be [1]."""
 ONE_SIDED = 0.5
 """Share of the RMSE from which on a bias is said [1]."""
 
@@ -112,6 +116,8 @@ class Counts:
     what: str
     value: str
     """Value of the figure."""
+    place: str = ""
+    """Records that it is of."""
     limit: str = ""
     baseline: str = ""
     """Baseline of the comparison."""
@@ -126,32 +132,139 @@ class Counts:
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """Row of the scorecard."""
+    """Row of a use: whether the twin may be used for it, the figures behind it, what serves."""
 
-    title: str
+    use: str
     status: str
     word: str
     judged_on: str
     figure: Counts
+    typical: str
+    """Mean error over all judged records, with their number and the bias."""
     href: str
+    serves: str = ""
 
 
-def scorecard(machine: str, models: Sequence[ModelledPart], say: Texts) -> list[Line]:
+def scorecard(facts: MachineFacts, say: Texts) -> list[Line]:
     """Rows of the sub-models of a machine, in the order of the fleet."""
-    return [_line(machine, one, say) for one in models]
+    return [_line(facts, one, say) for one in facts.models]
 
 
-def _line(machine: str, one: ModelledPart, say: Texts) -> Line:
-    status = one.page.verdict.status if one.page.verdict is not None else "unknown"
+def use_of(name: str, title: str, say: Texts) -> str:
+    """What a sub-model is used for, as a verb and its object."""
+    return (
+        say(f"use.{name}") if say.has(f"use.{name}") else say("use.other", title=say.given(title))
+    )
+
+
+def _line(facts: MachineFacts, one: ModelledPart, say: Texts) -> Line:
     role = None if one.judged is None else one.judged.judged_role
     records = say("score.judged_on", records=say(f"score.{role}")) if role in JUDGED_ON else ""
     count = 0 if one.judged is None else _judged_groups(one.judged)
     if records and 0 < count < FEW:
         records = say("score.few", records=records, count=count)
+    answer = answer_of(one)
+    words, beside = _typical(one, say)
+    figure = counting_figure(one, say)
     return Line(
-        title=say.title(one.title), status=status, word=say(f"verdict.{status}"),
-        judged_on=records, figure=counting_figure(one, say), href=evidence_page(machine, one.name),
+        use=use_of(one.name, one.title, say), status=LOOKS[answer], word=say(f"use.is_{answer}"),
+        judged_on=records, figure=replace(figure, baseline=beside or figure.baseline),
+        typical=words, serves=_serves(facts, one.name, say),
+        href=evidence_page(facts.folders.name, one.name),
     )  # fmt: skip
+
+
+Answer = Literal["yes", "care", "no", "unknown"]
+LOOKS: dict[Answer, str] = {"yes": "passed", "care": "attention", "no": "failed",
+                            "unknown": "unknown"}  # fmt: skip
+ANSWERS: dict[str, Answer] = {"passed": "yes", "attention": "care", "failed": "no"}
+
+
+def answer_of(one: ModelledPart) -> Answer:
+    """Whether a sub-model may be used: with care where a plain guess errs as little as it does."""
+    status = "unknown" if one.page.verdict is None else one.page.verdict.status
+    answer = ANSWERS.get(status, "unknown")
+    typical = None if one.judged is None else typical_error(one.judged)
+    best = None if typical is None else _plain(typical)
+    return "care" if answer == "yes" and best is not None and best[0] <= _size(typical) else answer
+
+
+def uses_words(facts: MachineFacts, say: Texts) -> str:
+    """What the twin may be used for, in a sentence."""
+    by: dict[str, list[str]] = {answer: [] for answer in LOOKS}
+    for one in facts.models:
+        by[answer_of(one)].append(use_of(one.name, one.title, say))
+    if not by["yes"] and not by["care"]:
+        return say("use.none")
+    said = say("use.may", uses=say.joined(by["yes"])) if by["yes"] else say("use.may_none")
+    for answer in ("care", "no"):
+        if by[answer]:
+            said += say(f"use.{answer}", uses=say.joined(by[answer]))
+    return f"{said}."
+
+
+def typical_error(verdict: Verdict) -> WorstError | None:
+    """Mean error over all judged records of the quantity that decides; relative without one."""
+    worst = worst_error(verdict)
+    if worst is None:
+        return None
+    for score in verdict.scores:
+        same = (score.quantity, score.regime) == (worst.score.quantity, worst.score.regime)
+        if same and score.role == verdict.judged_role and score.group == "all":
+            for name in ("mae", "rmse", worst.name):
+                value = getattr(score, name)
+                if value is not None:
+                    return WorstError(score=score, name=name, value=abs(value), limit=worst.limit)
+    return replace(worst, value=abs(worst.value))
+
+
+def _size(error: WorstError | None) -> float:
+    return float("inf") if error is None else error.value
+
+
+def _plain(error: WorstError) -> tuple[float, str] | None:
+    """Error of the best baseline on the same records, and its name."""
+    found = [(abs(value), name) for name, other in error.score.others.items()
+             if (value := getattr(other, error.name)) is not None]  # fmt: skip
+    return min(found, default=None)
+
+
+def _typical(one: ModelledPart, say: Texts) -> tuple[str, str]:
+    """Mean error with number of samples and bias; how it compares with the best plain way."""
+    error = None if one.judged is None else typical_error(one.judged)
+    if error is None:
+        return "", ""
+    error = replace(error, say=say)
+    bias = error.score.bias
+    sign = "" if bias is None else "+" if bias > 0 else MINUS if bias < 0 else ""
+    size = "" if bias is None else replace(error, name="bias", value=abs(bias)).shown
+    words = say("score.typical", value=error.shown, count=error.score.n)
+    if size:
+        words = say("score.typical_bias", value=error.shown, count=error.score.n,
+                    bias=f"{sign}{size}")  # fmt: skip
+    best = _plain(error)
+    if best is None:
+        return words, ""
+    value = replace(error, value=best[0]).shown
+    method = baseline_words(best[1], say)
+    if best[0] <= error.value:
+        return words, say("score.no_better", value=value, method=method)
+    less = say.number(100 * (1 - error.value / best[0]), 2)
+    return words, say("score.better", percent=less, value=value, method=method)
+
+
+def _serves(facts: MachineFacts, name: str, say: Texts) -> str:
+    """Version that serves and since when; that it is another model than the one judged here."""
+    serving = facts.serving
+    if serving is None:
+        return ""
+    entries = served(serving.history)
+    if name not in serving.bundle.submodels:
+        return say("score.serves_none")
+    if not entries:
+        return say("score.serves_another" if name in serving.older else "score.serves_first")
+    key = "score.serves_older" if name in serving.older else "score.serves_version"
+    return say(key, version=entries[-1].version, since=say.day(entries[-1].at[:10]))
 
 
 def _judged_groups(verdict: Verdict) -> int:
@@ -173,8 +286,9 @@ def counting_figure(one: ModelledPart, say: Texts) -> Counts:
             what=say("score.figure_of", quantity=say.given(score.quantity.replace("_", " ")),
                      error=worst.words, place=_place(score.group, say)),
             value=worst.shown, limit=worst.limit_shown, baseline=beside,
+            place=_place(score.group, say),
             interval=_interval(verdict, say, score), passed_limit=worst.value > worst.limit,
-            worse=_also(_bias(worst, say), _worse(worse_elsewhere(verdict, worst), score, say)),
+            worse=_also(_bias(worst, say), _worse(worse_elsewhere(verdict, worst), say)),
         )  # fmt: skip
     interval = "" if verdict is None else _interval(verdict, say)
     if not one.page.key_figures or verdict is None:
@@ -198,15 +312,9 @@ def _bias(worst: WorstError, say: Texts) -> str:
     return say("score.bias", value=f"{'+' if bias > 0 else MINUS}{size}")
 
 
-def _worse(found: WorstError | None, shown: Score, say: Texts) -> str:
-    """An error that is larger than the one shown, with its records; empty without one."""
-    if found is None:
-        return ""
-    one = found.score
-    where = [_place(one.group, say), say(f"score.{one.role}")]
-    if one.regime and one.regime != shown.regime:
-        where.append(say.given(one.regime))
-    return say("score.worse", value=found.shown, where=", ".join(where))
+def _worse(found: WorstError | None, say: Texts) -> str:
+    """An error that is larger than the one shown, on other records; empty without one."""
+    return "" if found is None else say("score.worse", value=found.shown)
 
 
 def _place(group: str, say: Texts) -> str:
@@ -238,4 +346,9 @@ def _interval(verdict: Verdict, say: Texts, shown: Score | None = None) -> str:
     ]  # fmt: skip
     if found and not shares:
         return say("format.not_known")
-    return say.percent(min(shares), 1.0) if shares else ""
+    if not shares:
+        return ""
+    share = say.percent(min(shares), 1.0)
+    if min(shares) < NARROW_BELOW:
+        return say("score.narrow", share=share)
+    return say("score.wide", share=share) if min(shares) > WIDE_ABOVE else share

@@ -21,6 +21,8 @@ from pipeline.report.texts import ENGLISH, Texts
 from pipeline.schema.files import written
 from pipeline.schema.verdict import UsedModel
 
+COMPILED: dict[str, bytes] = {}
+"""Bytecode of the templates by jinja2's key."""
 SAFE = " ,;:/()[]=+*!@$'|"
 """Characters that a data address may hold as they are."""
 
@@ -88,9 +90,21 @@ def renderer(say: Texts = ENGLISH) -> Callable[..., RenderedPage]:
 
     It escapes text and takes its own words from ``say``.
     """
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    from jinja2 import BytecodeCache, Environment, FileSystemLoader, StrictUndefined
+    from jinja2.bccache import Bucket
+
+    class Compiled(BytecodeCache):
+        """Compiled templates of this process: a report has some hundred renderers."""
+
+        def load_bytecode(self, bucket: Bucket) -> None:
+            if bucket.key in COMPILED:
+                bucket.bytecode_from_string(COMPILED[bucket.key])
+
+        def dump_bytecode(self, bucket: Bucket) -> None:
+            COMPILED[bucket.key] = bucket.bytecode_to_string()
 
     environment = Environment(
+        bytecode_cache=Compiled(),
         loader=FileSystemLoader(Path(__file__).parent / "templates"),
         autoescape=True,
         undefined=StrictUndefined,

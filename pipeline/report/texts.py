@@ -101,6 +101,15 @@ class Texts:
         day = self.day(when.date().isoformat(), year=True)
         return self("format.moment", day=day, time=f"{when:%H:%M}")
 
+    @staticmethod
+    def clock(seconds: float) -> str:
+        """Time of day from the seconds since midnight.
+
+        >>> Texts.clock(3900)
+        '01:05'
+        """
+        return f"{int(seconds // 3600):02d}:{int(seconds % 3600 // 60):02d}"
+
     def day(self, day: str, *, year: bool = False) -> str:
         """An ISO day in words; other text as it is."""
         words = numbers.day_words(day, year=year)

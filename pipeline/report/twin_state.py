@@ -1,4 +1,4 @@
-"""State of the twin on the page of records: temperature in its band, force of cutting by tool."""
+"""State of the twin over the newest week: force of cutting by tool, rows for other pages."""
 
 from collections.abc import Iterator
 from datetime import date, timedelta
@@ -13,6 +13,7 @@ from pipeline.charts.sections import Figures, Section, drawing, present
 from pipeline.charts.sources import SourceRegistry
 from pipeline.charts.tables import sources
 from pipeline.report.folders import MachineFolders
+from pipeline.schema.arrays import Floats
 from pipeline.schema.twin_state import MANIFEST, QUANTITIES, TwinState, day_path
 
 MADE_FROM = "the champion and data/clean, by the stage state"
@@ -24,8 +25,7 @@ HEAT, FORCE = "spindle_temperature", "tangential_force"
 SHOWN = {HEAT: ("measured", "estimated", "low", "high"), FORCE: ("estimated", "low", "high")}
 """Quantities of the figure with the parts that are drawn."""
 LEGEND = [
-    ("l-measured", "measured", "line"), ("l-window", "estimated", "line"),
-    ("s-band", "90 % interval of the estimate", "box"),
+    ("l-window", "estimated", "line"), ("s-band", "90 % interval of the estimate", "box"),
 ]  # fmt: skip
 
 
@@ -35,60 +35,84 @@ def twin_state_section(folders: MachineFolders, shelf: SourceRegistry) -> Sectio
     state = None if folder is None else shelf.read(folder / MANIFEST, TwinState, MADE_FROM)
     if folder is None or state is None or not (state.days or state.trends):
         return None
-    week = _week(state, folder, shelf) if state.days else None
+    week = _week(state, folders, shelf) if state.days else None
     return Section(key="twin-state", title="State of the twin", text=list(_text(state)),
                    blocks=present(week))  # fmt: skip
 
 
-def _week(state: TwinState, folder: Path, shelf: SourceRegistry) -> Figures | None:
-    """Temperature and force of the newest week; None where neither is known."""
-    first = date.fromisoformat(max(state.days)) - timedelta(days=SHOWN_DAYS - 1)
-    paths = [day_path(folder, day) for day in state.days if day >= first.isoformat()]
-    columns = [f"{name}_{part}" for name, parts in SHOWN.items() for part in parts]
-    wanted = ("time", "tool_number", *columns)
-    tables = [table for path in paths if (table := shelf.table(path, wanted, MADE_FROM))]
+def state_rows(
+    folders: MachineFolders, shelf: SourceRegistry, first: str, last: str, columns: tuple[str, ...]
+) -> tuple[pd.DataFrame, list[Path]]:
+    """Rows of the days from ``first`` to ``last`` by the plant's clock, and the files read."""
+    folder = folders.twin_state
+    state = None if folder is None else shelf.read(folder / MANIFEST, TwinState, MADE_FROM)
+    if folder is None or state is None:
+        return pd.DataFrame(), []
+    paths = [day_path(folder, day) for day in state.days if first <= day <= last]
+    tables = [table for path in paths if (table := shelf.table(path, columns, MADE_FROM))]
     if not tables:
-        return None
+        return pd.DataFrame(), []
     rows = pd.concat([one.to_pandas() for one in tables]).set_index("time").tz_localize(None)
-    cut = rows[rows[f"{FORCE}_estimated"].notna()]
-    least = LEAST_S / state.period_s
-    strips = [_strip("Spindle temperature, °C", HEAT, rows, first, least)]
-    for tool in cut["tool_number"].value_counts().index[:SHOWN_TOOLS]:
-        own = cut[cut["tool_number"] == tool]
-        head = (f"Tangential force of tool {tool}, N: "
-                f"{fixed(float(own[f'{FORCE}_estimated'].median()), 0)} in the median")  # fmt: skip
-        strips.append(_strip(head, FORCE, own, first, least))
-    shown = [one for one in strips if one.curves]
-    caption = (
-        "Medians over minutes. The temperature is measured once at the beginning of each day and "
-        "estimated from speed and load from there on; the force is that of the spindle’s load, of "
-        "the tools that cut longest."
-    )
-    days = Axis(words="Time of the plant", span=(0.0, float(SHOWN_DAYS)), marks=[
-        (float(k), day_words((first + timedelta(days=k)).isoformat())) for k in range(SHOWN_DAYS)
-    ])  # fmt: skip
-    made = sources(shelf, folder / MANIFEST, *paths)
-    return drawing(strips_figure(shown, days, caption), caption, made, LEGEND) if shown else None
+    return rows, [folder / MANIFEST, *paths]
 
 
-def _strip(head: str, name: str, rows: pd.DataFrame, first: date, least: float) -> Strip:
-    """A quantity of the week by the minute; without a curve where it is not known."""
+def parts_by(rows: pd.DataFrame, name: str, every: str, least: float) -> pd.DataFrame:
+    """Medians of the parts of a quantity in steps of time, unknown where too few rows are known."""
     parts = rows[[f"{name}_{part}" for part in SHOWN[name]]].set_axis(SHOWN[name], axis=1)
-    minutes = parts.resample("1min")
-    shown = minutes.median().where(minutes.count() >= least)
-    x = ((shown.index.to_numpy() - np.datetime64(first)) / np.timedelta64(1, "D")).astype(float)
+    steps = parts.resample(every)
+    return steps.median().where(steps.count() >= least)
+
+
+def days_since(times: pd.Index, first: date) -> Floats:
+    """Time since midnight of a day [d], shape (T,)."""
+    since = (times.to_numpy() - np.datetime64(first)) / np.timedelta64(1, "D")
+    return np.asarray(since, np.float64)
+
+
+def strip_of(
+    head: str, name: str, shown: pd.DataFrame, first: date, height: float, zero: bool = False
+) -> Strip:
+    """A quantity in its 90 % band; without a curve where it is not known."""
+    x = days_since(shown.index, first)
     drawn = {part: shown[part].to_numpy(float) for part in SHOWN[name] if shown[part].notna().any()}
     kinds = {"estimated": "window", "measured": "measured"}
     return Strip(
-        head=head, height=160.0 if name == HEAT else 70.0, zero=name == FORCE,
-        unit=head.partition(", ")[2].partition(":")[0],
+        head=head, height=height, zero=zero, unit=head.partition(", ")[2].partition(":")[0],
         curves=[(kind, x, drawn[part]) for part, kind in kinds.items() if part in drawn],
         areas=[("s-band", x, drawn["low"], drawn["high"])] if "low" in drawn else [],
     )  # fmt: skip
 
 
+def _week(state: TwinState, folders: MachineFolders, shelf: SourceRegistry) -> Figures | None:
+    """Force of the tools that cut longest in the newest week; None where it is not known."""
+    last = max(state.days)
+    first = date.fromisoformat(last) - timedelta(days=SHOWN_DAYS - 1)
+    columns = ("time", "tool_number", *(f"{FORCE}_{part}" for part in SHOWN[FORCE]))
+    rows, files = state_rows(folders, shelf, first.isoformat(), last, columns)
+    if rows.empty:
+        return None
+    cut, strips = rows[rows[f"{FORCE}_estimated"].notna()], []
+    for tool in cut["tool_number"].value_counts().index[:SHOWN_TOOLS]:
+        own = cut[cut["tool_number"] == tool]
+        head = (f"Tangential force of tool {tool}, N: "
+                f"{fixed(float(own[f'{FORCE}_estimated'].median()), 0)} in the median")  # fmt: skip
+        minutes = parts_by(own, FORCE, "1min", LEAST_S / state.period_s)
+        strips.append(strip_of(head, FORCE, minutes, first, 70.0, zero=True))
+    shown = [one for one in strips if one.curves]
+    caption = (
+        "Medians over minutes of the force by the spindle’s load, of the tools that cut longest. "
+        "The spindle temperature in its band is on the machine’s page."
+    )
+    days = Axis(words="Time of the plant", span=(0.0, float(SHOWN_DAYS)), marks=[
+        (float(k), day_words((first + timedelta(days=k)).isoformat())) for k in range(SHOWN_DAYS)
+    ])  # fmt: skip
+    made = sources(shelf, *files)
+    return drawing(strips_figure(shown, days, caption), caption, made, LEGEND) if shown else None
+
+
 def _text(state: TwinState) -> Iterator[str]:
-    served = ", ".join(f"{name} {status}" for name, status in state.submodels.items())
+    served = ", ".join(f"{name} {status}{', not used' * (name in state.idle)}"
+                       for name, status in state.submodels.items())  # fmt: skip
     yield f"What the champion’s models estimate beside what was measured ({served or 'none'})."
     if state.temperature_interval_unknown:
         yield f"Spindle temperature: {state.temperature_interval_unknown}."

@@ -1,17 +1,24 @@
 """State of a machine and of its twin: two lines, actions in one table, further observations.
 
 The twin is what its judge says of its sub-models.  The machine's own condition is another thing: it
-is what monitoring found on the last day of records, "not assessed yet" where nothing is monitored.
+is that of its worst component in the newest week of records.
 """
 
+from collections import Counter
 from collections.abc import Iterator
-from typing import get_args
+from dataclasses import replace
 
-from pipeline.charts.sections import Action, PartVerdict, Role
+from pipeline.charts.sections import NOW, Action, PartVerdict, Role
 from pipeline.charts.sources import shown
+from pipeline.report.components import (
+    ComponentState,
+    component_states,
+    condition_since,
+    week_incidents,
+)
 from pipeline.report.drift import drift_actions
 from pipeline.report.facts import (
-    NOW,
+    AT_MACHINE,
     ActionRow,
     MachineFacts,
     MachineVerdict,
@@ -26,34 +33,36 @@ from pipeline.report.incidents import INCIDENTS
 from pipeline.report.optimised.tables import AIMS
 from pipeline.report.part_programs import PartProgram, loadable, refused
 from pipeline.report.records import WHOLE, Gap
-from pipeline.report.scorecard import counting_figure
+from pipeline.report.scorecard import counting_figure, uses_words
 from pipeline.report.texts import ENGLISH, Texts
-from pipeline.schema.days import day_of
+from pipeline.schema.days import day_of, day_of_text
 from pipeline.schema.history import served
+from pipeline.schema.incident import Incident
 
 STOP, REPORT, USE, OPEN = "stop", "report", "use", "open"
 """Deadlines beside :data:`NOW`, by their key in the texts."""
-RECURS_DAYS = 3
-"""Days below which an alarm does not recur."""
-ORDER: tuple[str, ...] = get_args(Role)
-"""Readers of the table, those at the machine first."""
+DUE = {NOW: 0, STOP: 2, "next stop": 2, REPORT: 3, USE: 4, OPEN: 5}
+"""Order of the deadlines; one in minutes of cutting comes after what is due now."""
+FORTNIGHT = 14
+ENGINEERS: dict[str, Role] = {"cycle_time": "process engineer", "error_budget": "ML engineer"}
+"""Who looks at a kind of condition that is not maintenance's."""
 
 
 def machine_actions(
     facts: MachineFacts, grave: list[tuple[str, str]], trusted: bool, say: Texts
 ) -> list[ActionRow]:
-    """Everything that is to be done about a machine, what is urgent first.
+    """Everything that is to be done about a machine, by risk, then by its deadline.
 
     ``grave`` are faults that make its judgement doubtful, each with what mends it; only of a twin
     that is ``trusted`` as a whole optimised programs are proposed.
     """
     rows = [
-        *_incidents(facts, say), *_alarms(facts, say), *_sensors(facts, say),
-        *drift_actions(facts, say), *_of_submodels(facts, say),
-        *_records(facts, grave, say), *_models(facts, say), *_programs(facts, trusted, say),
+        *_absent(facts, say), *_incidents(facts, say), *_alarms(facts, say),
+        *_of_submodels(facts, say), *_conditions(facts, say), *_sensors(facts, say),
+        *drift_actions(facts, say), *_records(facts, grave, say), *_models(facts, say),
+        *_programs(facts, trusted, say),
     ]  # fmt: skip
-    rows.sort(key=lambda row: (row.action.until != NOW, ORDER.index(row.action.who)))
-    return [*_absent(facts, say), *rows]
+    return sorted(rows, key=lambda row: (-row.risk, DUE.get(row.action.until, 1)))
 
 
 def _absent(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
@@ -65,47 +74,76 @@ def _absent(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
         yield ActionRow(
             action=Action(what=say("action.absent"), where=item, why=why, until=NOW,
                           who="process engineer"),
-            href=link(facts.folders.name, RECORDS, "records"),
+            href=link(facts.folders.name, RECORDS, "records"), risk=2,
         )  # fmt: skip
 
 
 def _incidents(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
-    """Incidents to act on; alarms that recur have rows of their own."""
-    for one in [] if facts.monitored is None else facts.monitored.recent("act"):
-        if any(event.rule == "alarm" for event in one.events):
-            continue
-        why = say("action.incident_why", title=say.given(one.title), moment=say.moment(one.start))
+    """Incidents of the newest week; what a rule holds to be grave is due now."""
+    zone = facts.work.time_zone
+    for one in week_incidents(facts):
+        alarm, act = any(event.rule == "alarm" for event in one.events), one.severity == "act"
+        since, check = day_of_text(one.start, zone), say.given(one.check.rstrip("."))
+        why = say("action.incident_why", title=say.given(one.title))
         yield ActionRow(
-            action=Action(what=say.given(one.check), where=one.component, why=why, until=NOW,
-                          who=one.who),
-            href=link(facts.folders.name, INCIDENTS, "incidents"), english=("what", "why"),
+            action=Action(what=say("action.recurs", check=check) if alarm else check,
+                          where=one.component.partition(" (")[0], why=why,
+                          until=NOW if act and not alarm else STOP, who=one.who),
+            href=link(facts.folders.name, INCIDENTS, "incidents"),
+            english=("why",) if alarm else ("what", "why"), risk=2 if act else 1, since=since,
+            course=_by_day(facts, one) if alarm else (),
         )  # fmt: skip
 
 
+def _by_day(facts: MachineFacts, one: Incident) -> tuple[float, ...]:
+    """Alarms of an incident's component and text on each day of a fortnight up to the newest."""
+    zone, days = facts.work.time_zone, [day.day for day in facts.work.worked_days[-FORTNIGHT:]]
+    found = Counter(
+        day_of(alarm.start, zone) for alarm in facts.alarms.alarms
+        if alarm.by == one.component and alarm.text and alarm.text in one.title
+    )  # fmt: skip
+    return tuple(float(found[day]) for day in days)
+
+
 def _alarms(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
+    """Alarms that are still active at the end of the records."""
     for same in facts.alarms.kinds:
-        last = same[-1]
+        last, grave = same[-1], same[-1].level == "fault"
         if any(one.ended == "open" for one in same):
             why = say(
                 "action.clear_why", alarm=last.text or last.item, moment=say.moment(last.start)
             )
-            clear = say(f"action.clear_{'fault' if last.level == 'fault' else 'warning'}")
             yield ActionRow(
-                action=Action(what=clear, where=last.where or last.item, why=why, until=NOW,
+                action=Action(what=say(f"action.clear_{'fault' if grave else 'warning'}"),
+                              where=last.where or last.item, why=why, until=NOW,
                               who="maintenance"),
-                href="#alarms",
+                href="#alarms", risk=2 if grave else 1,
+                since=day_of(last.start, facts.work.time_zone),
             )  # fmt: skip
+
+
+def _conditions(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
+    """Quantities of the newest week that are beyond a line."""
+    newest = facts.weeks[-1] if facts.weeks else None
+    for one in () if newest is None else newest.conditions:
+        act = one.state == "act"
+        line = one.alarm if act else one.alert
+        if one.state not in ("act", "watch") or one.value is None or line is None:
             continue
-        days = {day_of(one.start, facts.work.time_zone) for one in same}
-        worked = len(facts.work.worked_days)
-        if len(days) >= RECURS_DAYS and len(days) > worked / 2:
-            why = say("action.recurs_why", alarm=last.text or last.item, count=len(same),
-                      days=len(days), all=worked, moment=say.moment(last.start))  # fmt: skip
-            yield ActionRow(
-                action=Action(what=say("action.recurs"), where=last.where or last.item, why=why,
-                              until=STOP, who="maintenance"),
-                href="#alarms",
-            )  # fmt: skip
+        kept = [{c.key: c.value for c in week.conditions}.get(one.key) for week in facts.weeks]
+        sizes = (f"{say.number(size)} {one.unit.removesuffix('1')}" for size in (one.value, line))
+        value, limit = (size.replace(" %", "\u202f%").rstrip() for size in sizes)
+        name = say("action.line_alarm" if act else "action.line_alert")
+        yield ActionRow(
+            action=Action(
+                what=say("action.condition", what=say.given(one.what)), where=one.component,
+                why=say("action.condition_why", value=value, line=name, limit=limit), until=STOP,
+                who=ENGINEERS.get(one.kind, "maintenance"),
+            ),
+            href=link(facts.folders.name, RECORDS, "condition"), risk=2 if act else 1,
+            since=condition_since(facts.weeks, one.key, one.state),
+            course=tuple(float("nan") if size is None else size for size in kept),
+        )  # fmt: skip
 
 
 def _sensors(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
@@ -119,7 +157,7 @@ def _sensors(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
         yield ActionRow(
             action=Action(what=say("action.sensor"), where=where, why=why, until=STOP,
                           who="maintenance"),
-            href=link(facts.folders.name, RECORDS, "records"),
+            href=link(facts.folders.name, RECORDS, "records"), risk=1,
         )  # fmt: skip
 
 
@@ -131,8 +169,9 @@ def _of_submodels(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
         for action in one.page.actions:
             at = action.evidence if action.evidence in keys else ""
             yield ActionRow(
-                action=action, href=link(machine, one.name, at), english=("what", "why")
-            )
+                action=action, href=link(machine, one.name, at), english=("what", "why"),
+                risk=2 if action.until == NOW else 1 if action.who in AT_MACHINE else 0,
+            )  # fmt: skip
         verdict = one.page.verdict
         if verdict is not None and verdict.status != "passed":
             why, own = _why(one, say)
@@ -159,11 +198,11 @@ def _records(facts: MachineFacts, grave: list[tuple[str, str]], say: Texts) -> I
     """Defects of the records themselves."""
     records = link(facts.folders.name, RECORDS, "records")
     for why, what in grave:
-        yield _data(what, say("where.records"), why, NOW, records)
+        yield replace(_data(what, say("where.records"), why, NOW, records), risk=2)
     silent, log = facts.silence, say("where.log")
     if silent is not None:
         why = say("action.silent_why", duration=say.duration(silent))
-        yield _data(say("action.silent"), log, why, REPORT, "#last-records")
+        yield replace(_data(say("action.silent"), log, why, REPORT, "#last-records"), risk=1)
     if facts.work.surprising_days:
         why = say("action.logger_why", days=say.day_list(facts.work.surprising_days))
         yield _data(say("action.logger"), log, why, STOP, records)
@@ -214,7 +253,7 @@ def _programs(facts: MachineFacts, trusted: bool, say: Texts) -> Iterator[Action
         yield ActionRow(
             action=Action(what=say(what, program=shown(one.program)), where=where, why=why,
                           until=until, who="process engineer"),
-            href=facts.program_files[one.label],
+            href=facts.program_files[one.label], risk=2 if until == NOW else 0,
         )  # fmt: skip
 
 
@@ -300,43 +339,47 @@ def machine_verdict(facts: MachineFacts, say: Texts = ENGLISH) -> MachineVerdict
     twin = _twin(facts, counting, beside, [sentence for sentence, _ in grave], say)
     actions = machine_actions(facts, repaired, trusted=twin.status == "passed", say=say)
     passed = sum(v.status == "passed" for _, v in [*counting, *beside])
+    components = component_states(facts, say)
+    condition = _condition(facts, components, say)
     return MachineVerdict(
-        condition=_condition(facts, actions, say),
+        condition=condition,
         twin=twin,
         actions=actions,
         passed=(passed, len(counting) + len(beside)) if counting else None,
+        read=(*condition.sentences, _first(actions, say), uses_words(facts, say)),
     )
 
 
-def _condition(facts: MachineFacts, actions: list[ActionRow], say: Texts) -> StateLine:
-    """The machine itself: its incidents, and what its records show besides."""
-    faults = sum(one.level == "fault" for one in facts.alarms.alarms)
-    still = sum(one.ended == "open" for one in facts.alarms.alarms)
-    checks = sum(row.action.who == "maintenance" for row in actions)
-    status, word, said = _monitored(facts, say)
-    if facts.alarms.watched or facts.alarms.alarms:
-        reported = say("alarms.faults", count=faults)
-        said.append(
-            say("condition.still", count=still, faults=reported) if still
-            else say("condition.still_none", faults=reported)
-        )  # fmt: skip
-    if checks:
-        said.append(say("condition.checks", count=checks))
+def _condition(facts: MachineFacts, parts: list[ComponentState], say: Texts) -> StateLine:
+    """The machine is as its worst component is."""
+    names: dict[Status, list[str]] = {
+        status: [say(f"component.{one.key}") for one in parts if one.status == status]
+        for status in LOOKS
+    }
+    status: Status = next((one for one in LOOKS if names[one]), "unknown")
+    acts, watched, fine, rest = map(say.joined, names.values())
+    key = "both" if acts and watched else "act" if acts else "watch" if watched else "nothing"
+    if key == "nothing" and fine:
+        key = "quiet_but" if rest else "quiet"
+    said = [say(f"read.{key}", act=acts, watch=watched, fine=fine, rest=rest)]
     if facts.silence is not None:
         said.append(say("condition.silent", duration=say.duration(facts.silence)))
-    return StateLine(status=status, word=word, sentences=said)
+    return StateLine(status=status, word=say(f"condition.{LOOKS[status]}"), sentences=said)
 
 
-def _monitored(facts: MachineFacts, say: Texts) -> tuple[Status, str, list[str]]:
-    """State by the incidents that lasted into the last day of records."""
-    found = facts.monitored
-    if found is None:
-        return "unknown", say("condition.word"), [say("condition.unassessed")]
-    act, watch = found.recent("act"), found.recent("watch")
-    word = "act" if act else "watch" if watch else "quiet"
-    status: Status = "failed" if act else "attention" if watch else "passed"
-    said = [say("condition.incidents", act=len(act), watch=len(watch))]
-    return status, say(f"condition.{word}"), said
+LOOKS: dict[Status, str] = {
+    "failed": "act", "attention": "watch", "passed": "quiet", "unknown": "word",
+}  # fmt: skip
+"""Word of a machine by the worst state of its components."""
+
+
+def _first(actions: list[ActionRow], say: Texts) -> str:
+    """What comes first, in a sentence."""
+    if not actions:
+        return say("actions.none")
+    one = actions[0]
+    return say("read.first", what=one.action.what.rstrip(".?"), where=one.where(say),
+               until=one.until(say), who=one.who(say))  # fmt: skip
 
 
 def _judged(facts: MachineFacts) -> tuple[list[Judged], list[Judged]]:

@@ -126,18 +126,26 @@ class Work:
         ]
 
     @property
+    def least_active(self) -> float:
+        """Running time from which a day counts as worked [s]; there is a day with records."""
+        return USUAL_SHARE * float(np.median([d.active for d in self.worked_days]))
+
+    @property
     def surprising_days(self) -> list[str]:
-        """Missing days on a weekday that is usually worked.
+        """Missing days on a weekday that is usually worked."""
+        return self.surprising(self.missing_days)
+
+    def surprising(self, missing: list[str]) -> list[str]:
+        """Those of some missing days that fall on a weekday that is usually worked.
 
         It is where the machine ran on it on as many days as are missing at least, each for
         :data:`USUAL_SHARE` or more of the running time of the median day.
         """
         if not self.worked_days:
             return []
-        least = USUAL_SHARE * float(np.median([d.active for d in self.worked_days]))
-        ran = Counter(_weekday(d.day) for d in self.worked_days if d.active >= least)
-        lost = Counter(_weekday(d) for d in self.missing_days)
-        return [d for d in self.missing_days if ran[_weekday(d)] >= lost[_weekday(d)]]
+        ran = Counter(_weekday(d.day) for d in self.worked_days if d.active >= self.least_active)
+        lost = Counter(_weekday(d) for d in missing)
+        return [d for d in missing if ran[_weekday(d)] >= lost[_weekday(d)]]
 
 
 def _weekday(day: str) -> int:

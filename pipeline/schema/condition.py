@@ -7,6 +7,7 @@ only where the records of its own week have changed, so that two reports compare
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import date
 from typing import Literal
 
 State = Literal["fine", "watch", "act", "no line", "not assessed"]
@@ -76,3 +77,13 @@ class WeekReport:
     conditions: tuple[Condition, ...] = ()
     missing: Mapping[str, str] = field(default_factory=dict)
     """Quantities that the machine's records do not allow, and why."""
+
+
+def week_of(day: str) -> str:
+    """Calendar week of a day by ISO 8601.
+
+    >>> week_of("2026-01-04"), week_of("2026-01-05")
+    ('2026-W01', '2026-W02')
+    """
+    year, week, _ = date.fromisoformat(day).isocalendar()
+    return f"{year}-W{week:02d}"

@@ -4,8 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from pipeline.schema.days import UTC, day_of_text
+
 MONITOR, KNOWN_GOOD = "monitor.json", "known_good.parquet"
-Severity = Literal["act", "watch"]
+Severity = Literal["act", "watch", "note"]
+"""To act on, to watch, or to know of: what belongs to operation and says nothing of the machine."""
 Who = Literal["maintenance", "tool room", "process engineer"]
 
 
@@ -116,11 +119,15 @@ class Monitored:
     """Time in which a program ran [s]."""
     rules: Mapping[str, RuleState]
     incidents: tuple[Incident, ...]
+    time_zone: str = UTC
+    """Zone of the plant, whose days ``days`` are."""
+
+    def since(self, day: str) -> list[Incident]:
+        """Incidents that last into a day of the plant or begin later."""
+        return [one for one in self.incidents if day_of_text(one.end, self.time_zone) >= day]
 
     def recent(self, *severities: Severity) -> list[Incident]:
         """Incidents of some severities that lasted into the last day, the latest first."""
-        last = max(self.days, default="")
-        found = [
-            one for one in self.incidents if one.severity in severities and one.end[:10] >= last
-        ]
+        last = self.since(max(self.days, default=""))
+        found = [one for one in last if one.severity in severities]
         return sorted(found, key=lambda one: (one.end, one.start), reverse=True)

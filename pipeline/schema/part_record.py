@@ -77,7 +77,7 @@ class PartAlarm:
     message: str
     start: str
     seconds: float | None
-    """How long it stood [s]; None where its end is not known."""
+    """How long it stood in the cycle [s]; None where its end is not known."""
     line: int | None
 
 
@@ -108,7 +108,8 @@ class PartRecord:
     blocks: tuple[BlockTime, ...]
     tools: tuple[ToolUse, ...]
     measured: Mapping[str, Measured]
-    """Temperatures, loads and speeds by column of the state table."""
+    """Temperatures, loads and speeds by column of the state table; the load of the spindle where it
+    holds its speed or stands."""
     twin: Mapping[str, Estimated]
     alarms: tuple[PartAlarm, ...]
     bundle: str

@@ -392,6 +392,19 @@ class ToolTime:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Advice:
+    """One thing that a programmer can change, planned again by the same control."""
+
+    what: str
+    assumes: str
+    """The change, and what it takes for granted."""
+    seconds: float
+    """Time that it saves by itself [s]."""
+    lines: tuple[int, ...] = ()
+    """Lines of the program; of holes in the order in which they are visited."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class SimulatedProgram:
     """The summary of a part program that was run through an identified control."""
 
@@ -418,8 +431,10 @@ class SimulatedProgram:
     by_tool: tuple[ToolTime, ...] = ()
     """Times in the order in which the tools are used."""
     by_type: Mapping[str, float] = field(default_factory=dict)
-    by_limit: Mapping[str, float] = field(default_factory=dict)
-    """Time [s] by type of block, and of cutting by what limits the speed of the block."""
+    by_cause: Mapping[str, float] = field(default_factory=dict)
+    """Time [s] by type of block, and by cause; each adds up to the predicted time."""
+    advice: tuple[Advice, ...] = ()
+    """Changes that save time, the greatest saving first; each is counted by itself."""
     blocks: int | None = None
     """Number of moves."""
     violations: tuple[str, ...] = ()

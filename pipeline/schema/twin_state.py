@@ -95,6 +95,8 @@ class TwinState:
     period_s: float
     """Time between two rows [s]."""
     days: Mapping[str, StateDay]
+    idle: tuple[str, ...] = ()
+    """Sub-models that do not serve: nothing is estimated by them."""
     temperature_interval_unknown: str = ""
     """Why low and high of the spindle temperature are null throughout; empty where they are not."""
     trends: tuple[TrendCheck, ...] = ()

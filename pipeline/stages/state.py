@@ -6,6 +6,7 @@ from pipeline.cutting.tool import ToolTable
 from pipeline.fleet import Fleet
 from pipeline.monitoring.state import write_twin_state
 from pipeline.parameters import read_params, structure
+from pipeline.schema.bundle import read_champions
 from pipeline.schema.golden import read_golden
 from pipeline.signals.cleaning.settings import CleanMachine, CleanSettings
 from pipeline.stages.optimise import named
@@ -14,6 +15,7 @@ from pipeline.submodels.cases import Records, Roles
 
 def state(
     champion: Path,
+    champions: Path,
     raw: Path,
     signals: Path,
     clean: Path,
@@ -38,4 +40,5 @@ def state(
         champion, records, written, roles=structure(values, path, Roles) if own else Roles(),
         cleaning=cleaning, sets=read_golden(golden / f"{name}.json"), values=values,
         tools={number: one.diameter for table in tables for number, one in table.items()},
+        chosen=read_champions(champions).machines.get(name),
     )  # fmt: skip

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.moves import AXES, METRE, METRE_PER_SECOND, RADIAN, Kind, Moves
 from pipeline.gcode.setup import Setup
+from pipeline.machine.control.commands import auxiliary_time
 from pipeline.machine.control.interpolate import Trace, traces
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.path import Binding, Motion
@@ -24,9 +25,10 @@ from pipeline.schema.arrays import Floats
 from pipeline.schema.files import replacing
 from pipeline.schema.model import Bands, Condition
 from pipeline.schema.program_cut import SimulatedProgram
-from pipeline.schema.store import structured, write_json
+from pipeline.schema.store import structured, unstructured, write_json
 from pipeline.twin.control import planned_program, program_moves, time_interval
 from pipeline.twin.preflight import limits_of, preflight, violation_lines
+from pipeline.twin.program_advice import program_advice
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,6 +42,13 @@ _TYPE: dict[int, str] = {
     Kind.TOOL_CHANGE: "tool change",
     Kind.DWELL: "dwell",
 }
+WAITS: dict[int, str] = {
+    Kind.TOOL_CHANGE: "tool change",
+    Kind.DWELL: "dwell",
+    Kind.STOP: "program stop",
+    Kind.M_CODE: "M code",
+}
+"""Names of the standstills in the times by cause, beside those of :class:`.path.Binding`."""
 TYPES = ("rapid", "feed", "arc", "tool change", "spindle and M codes", "dwell")
 
 
@@ -97,10 +106,9 @@ def programmed_feed(plan: Plan) -> Floats:
 
 
 def summary(plan: Plan, name: str) -> dict[str, Any]:
-    """Times of a program: in all, by tool, by type, by limit [s]."""
+    """Times of a program [s]: in all, by tool, by type, by cause; and advice on them."""
     moves, time = plan.path.moves, plan.time
-    kinds, limits = type_of(moves.kind), limit_words(plan)
-    cutting = np.isin(moves.kind, CUTTING)
+    kinds, cutting = type_of(moves.kind), np.isin(moves.kind, CUTTING)
     return {
         "program": name,
         "total_time_s": round(plan.total, 3),
@@ -109,11 +117,56 @@ def summary(plan: Plan, name: str) -> dict[str, Any]:
         "origin_mm": np.round(moves.origin[:3], 6).tolist(),
         "by_tool": _by_tool(moves, time, cutting),
         "by_type": {t: _seconds(time[kinds == t]) for t in TYPES if (kinds == t).any()},
-        "by_limit": {
-            str(w): _seconds(plan.motion.time[(limits == w) & cutting])
-            for w in np.unique(limits[cutting])
-        },
+        "by_cause": {name: round(s, 3) for name, s in time_by_cause(plan).items() if s > 0},
+        "advice": [unstructured(one) for one in program_advice(plan)],
     }
+
+
+def time_by_cause(plan: Plan) -> dict[str, float]:
+    """Time of a program by cause [s]: no second is without one, and their sum is the total.
+
+    A cut takes its length over the programmed feed, ``feed``; what a speed limit of the row costs
+    above that has the name of the limit; speeding up and slowing down has that of the corner or
+    stop at the slower end, by the squares of the speeds that are missing there (a trapezoid's
+    ramp takes (v - v_end)^2 / (2 a v) longer), and is ``acceleration`` where neither end stands
+    at its limit.  A standstill has the name of what is waited for.
+    """
+    path, time = plan.path, plan.motion.time
+    moves, pause = path.moves, path.pause
+    cutting = np.isin(path.motion, (Motion.CUTTING, Motion.PER_TURN))
+    speed = np.where(cutting, programmed_feed(plan) * METRE_PER_SECOND, np.inf)
+    top = np.minimum(speed, np.where(cutting, path.cap, np.inf))
+    at_feed, at_top = (np.minimum(np.where(cutting, path.length / v, 0.0), time)
+                       for v in (speed, top))  # fmt: skip
+    held = plan.v_out >= (1 - 1e-9) * path.corner
+    neither = Binding.ACCELERATION if path.segments is None else Binding.CORNER
+    ends = np.where(held, path.end_reason, neither)
+    before = np.searchsorted(np.flatnonzero(path.moving), np.arange(len(path))) - 1
+    rows = np.concatenate([np.flatnonzero(path.moving), [-1]])[before]
+    v_in = np.where(rows < 0, 0.0, plan.v_out[rows])
+    begins = np.where(rows < 0, Binding.EXACT_STOP, ends[rows])
+    lacking = [np.where(cutting, np.maximum(top - v, 0.0) ** 2, 0.0) for v in (v_in, plan.v_out)]
+    whole = lacking[0] + lacking[1]
+    share = np.divide(lacking[0], whole, out=np.full(len(path), 0.5), where=whole > 0)
+    ramps = np.where(cutting, time - at_top, 0.0)
+
+    def of(codes: NDArray[np.integer], seconds: Floats) -> Floats:
+        return np.bincount(codes, seconds, len(Binding)).astype(np.float64)
+
+    every = of(np.where(cutting, Binding.FEED, Binding.RAPID), np.where(cutting, at_feed, time))
+    every += of(path.reason, np.where(cutting, at_top - at_feed, 0.0))
+    every += of(begins, ramps * share) + of(ends, ramps * (1 - share))
+    rapid = np.isin(path.motion, (Motion.RAPID, Motion.INDEPENDENT))
+    every += of(np.where(rapid, Binding.RAPID, Binding.EXACT_STOP), pause)
+    found = {b.name.lower().replace("_", " "): float(s)
+             for b, s in zip(Binding, every, strict=True)}  # fmt: skip
+    waiting, seconds = auxiliary_time(moves, path.control.auxiliary,
+                                      plan.spindle_speed[np.newaxis])  # fmt: skip
+    for row, wait in zip(waiting.tolist(), seconds[0].tolist(), strict=True):
+        name = WAITS[moves.kind[row]]
+        found[name] = found.get(name, 0.0) + wait
+    spindle = float(plan.wait.sum() - pause.sum() - seconds.sum())
+    return found | {"spindle": max(0.0, spindle)}
 
 
 def program_times(plan: Plan, name: str) -> SimulatedProgram:

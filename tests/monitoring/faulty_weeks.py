@@ -271,8 +271,9 @@ def project_with_weeks(
                  ("champion", "raw", "signals", "clean", "twin_state", "usual")}  # fmt: skip
         run(f"ingest@{MACHINE}", paths["raw"], paths["signals"])
         run(f"clean@{MACHINE}", paths["signals"], paths["clean"])
-        run(f"state@{MACHINE}", *(paths[n] for n in ("champion", "raw", "signals", "clean")),
-            "data/golden", paths["twin_state"])  # fmt: skip
+        run(f"state@{MACHINE}", paths["champion"], "champions.json",
+            *(paths[n] for n in ("raw", "signals", "clean")), "data/golden",
+            paths["twin_state"])  # fmt: skip
     document = [vars(one) for one in weeks]
     (folder / WEEKS).write_text(json.dumps(document))
     return weeks

@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.monitoring.condition import ConditionSettings, conditions_of, week_of, write_reports
+from pipeline.monitoring.condition import ConditionSettings, conditions_of, write_reports
 from pipeline.monitoring.day_quantities import ALARMS, RECORDED, DayValues, day_values
 from pipeline.monitoring.prognosis import crossing
 from pipeline.parameters import read_yaml
-from pipeline.schema.condition import Condition, WeekReport
+from pipeline.schema.condition import Condition, WeekReport, week_of
 from pipeline.schema.ledger import Night
 from pipeline.schema.store import StoreError, read_json, write_json
 from pipeline.schema.twin_state import MANIFEST, TwinState, columns, day_path, write_day

@@ -132,7 +132,27 @@ def test_nobody_there_is_said_after_all_attempts(tmp_path: Path) -> None:
     with receiver() as to:
         pass
     (said,), waits = sent(to, tmp_path / "l.jsonl", attempts=3)
-    assert said.startswith("failed 3 ConnectionRefusedError") and waits == [1.0, 2.0]
+    assert said == "failed 3 connection refused" and waits == [1.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("answer", "why"), [("hang", "no answer within 0.3 s"), ("cut", "closed the connection")]
+)
+def test_why_it_was_not_delivered_is_in_words(tmp_path: Path, answer: str, why: str) -> None:
+    with receiver(answer) as to:
+        (said,), _ = sent(to, tmp_path / "l.jsonl", attempts=1)
+    assert why in said and "Error" not in said
+
+
+@pytest.mark.parametrize(
+    "url", ["nonsense", "", "https://", "http://a:port/x", "http://[::1", "http://h/a b",
+            f"https://{'a' * 70}/x", "https://u:secret@h:0/x?token=t"],
+)  # fmt: skip
+def test_what_is_no_address_is_a_sentence_without_what_is_secret(url: str) -> None:
+    with pytest.raises(ValueError, match="is no address: give one like https://host/path") as error:
+        Webhook(url=url)
+    assert "://nonsense" not in str(error.value)
+    assert "secret" not in str(error.value) and "token" not in str(error.value)
 
 
 def test_two_runs_at_a_time_deliver_once(tmp_path: Path) -> None:

@@ -12,8 +12,10 @@ import pytest
 
 from pipeline.monitoring.incident_settings import DWELL_S, IncidentSettings
 from pipeline.monitoring.incidents import monitored, recurring
+from pipeline.monitoring.rules import RULES
 from pipeline.monitoring.usual import Usual, identify_monitor
 from pipeline.monitoring.windows import windows_of
+from pipeline.report.texts import texts
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.incident import Incident, Monitored
 from pipeline.schema.store import write_json, write_table
@@ -173,6 +175,8 @@ def test_events_of_days_on_end_are_one_incident_with_evidence(tmp_path: Path) ->
     first = next(event for event in one.events if event.rule == "temperature_outside")
     assert first.words["program"] == "O1" and first.values["temperature"] == pytest.approx(46.0)
     assert first.value > first.limit >= SETTINGS.interval
+    assert one.check.startswith("spindle temperature, tool 4, program O1: ")
+    assert "1.53 × half interval, limit 1.5. Sensor and its input" in one.check
 
 
 def test_a_fault_on_another_component_is_another_incident(tmp_path: Path) -> None:
@@ -218,6 +222,7 @@ def test_what_is_not_recorded_is_not_assessed_with_its_reason(tmp_path: Path) ->
     some = made(tmp_path, {})
     assert some.rules["x_following_error"].not_assessed == "not logged"
     assert some.rules["load_over_limit"].not_assessed == ""
+    assert "no condition of the control" in some.rules["alarm"].not_assessed
 
 
 def test_vibration_of_the_clean_table_is_a_feature_where_it_is_wanted(tmp_path: Path) -> None:
@@ -243,7 +248,8 @@ def alarms(folder: Path, *rows: tuple[str, str, str, float]) -> list[Incident]:
         "end": pd.to_datetime(end).as_unit("ns"),
     })  # fmt: skip
     frame.to_parquet(folder / "alarms.parquet")
-    return recurring(folder / "alarms.parquet", MILL, SETTINGS, {"x": ("Linear X", "POSITION")})
+    kinds = {"x": ("Linear X", "POSITION"), "s": ("Controller", "SYSTEM")}
+    return recurring(folder / "alarms.parquet", MILL, SETTINGS, kinds)
 
 
 def test_an_alarm_three_times_in_a_fortnight_is_an_incident_to_act_on(tmp_path: Path) -> None:
@@ -251,6 +257,51 @@ def test_an_alarm_three_times_in_a_fortnight_is_an_incident_to_act_on(tmp_path: 
     (one,) = alarms(tmp_path, *(("x", "fault", day, 2.0) for day in days))
     assert one.component == "Linear X (x)" and one.severity == "act" and one.count == 3
     assert "3 times on 3 days" in one.title and one.seconds == 360.0
+    assert one.check.startswith("Linear X (x), 101, up to 2 min: Where the axis stood")
+
+
+@pytest.mark.parametrize(
+    ("item", "execution", "mode", "severity"),
+    [("s", "STOPPED", "MANUAL", "note"), ("s", "ACTIVE", "MANUAL_DATA_INPUT", "note"),
+     ("s", "ACTIVE", "AUTOMATIC", "act"), ("s", "ACTIVE", None, "act"),
+     ("s", None, "MANUAL", "act"), ("x", "STOPPED", "MANUAL", "act")],
+)  # fmt: skip
+def test_an_alarm_of_the_control_that_never_comes_while_a_program_runs_is_of_operation(
+    tmp_path: Path, item: str, execution: str | None, mode: str | None, severity: str
+) -> None:
+    """The last alarm, of one second, stops what the machine does two seconds before."""
+    zone, days = "America/New_York", ("2026-01-05", "2026-01-08", "2026-01-09")
+    for k, day in enumerate(days):
+        time = pd.date_range(f"{day}T22:00", periods=600, freq="s", tz=zone)
+        rows = pd.DataFrame({"time": time.as_unit("ns"), "execution": "READY",
+                             "controller_mode": "AUTOMATIC"})  # fmt: skip
+        if k == 2:
+            rows.loc[:299, "execution"], rows.loc[:299, "controller_mode"] = execution, mode
+        if execution is None:
+            rows["execution"] = None
+        (tmp_path / "state").mkdir(exist_ok=True)
+        write_table(pa.Table.from_pandas(rows), tmp_path / "state" / f"{day}.parquet")
+    at = [f"{pd.Timestamp(f'{day}T22:05:01', tz=zone).tz_convert('UTC'):%Y-%m-%dT%H:%M:%S}"
+          for day in days]  # fmt: skip
+    (one,) = alarms(tmp_path, *((item, "fault", time, 1 / 60) for time in at))
+    assert one.severity == severity
+    assert ("never while a program ran" in one.title) == (severity == "note")
+    assert (one.who == "maintenance") == (item == "x")
+
+
+def test_days_are_those_of_the_plant(tmp_path: Path) -> None:
+    """An evening in New York goes on after midnight of UTC."""
+    time = pd.date_range("2026-01-05T12:00", periods=9 * HOUR, freq="s", tz="America/New_York")
+    rows = pa.table({"time": pa.array(time.as_unit("ns"))})
+    write_table(rows, tmp_path / "state" / "2026-01-05.parquet")
+    (one,) = alarms(tmp_path, *(("x", "fault", f"2026-01-0{at}:30", 2.0)
+                                for at in ("5T22", "5T23", "6T01")))  # fmt: skip
+    assert "3 times on one day" in one.title and one.severity == "watch"
+    found = Monitored(machine="mill", origin="simulated", known_good=(), worked_s=0.0, rules={},
+                      days=("2026-01-05", "2026-01-06"), incidents=(one,),
+                      time_zone="America/New_York")  # fmt: skip
+    assert not found.recent("watch") and found.since("2026-01-05") == [one]
+    assert replace(found, time_zone="UTC").recent("watch") == [one]
 
 
 def test_alarms_that_are_rare_or_of_another_item_do_not_recur(tmp_path: Path) -> None:
@@ -262,7 +313,8 @@ def test_alarms_that_are_rare_or_of_another_item_do_not_recur(tmp_path: Path) ->
 def test_an_alarm_of_more_minutes_than_in_the_week_before_is_one(tmp_path: Path) -> None:
     rows = [("x", "warning", "2026-01-05T08:00", 3.0), ("x", "warning", "2026-01-13T08:00", 40.0)]
     (one,) = alarms(tmp_path, *rows)
-    assert "40 min in a week after 3" in one.title and one.severity == "watch"
+    assert "40 min in the last week, 3 min in the week before" in one.title
+    assert one.severity == "watch"
 
 
 def test_settings_name_each_rule() -> None:
@@ -271,3 +323,10 @@ def test_settings_name_each_rule() -> None:
     with pytest.raises(ValueError, match=r"incidents\.slope_s = 30.0 s must lie from 60"):
         IncidentSettings(slope_s=30.0)
     assert set(IncidentSettings().dwell_s) == set(DWELL_S)
+
+
+def test_each_rule_has_a_german_title() -> None:
+    german = texts("de")
+    for name, rule in RULES.items():
+        if not name.endswith("following_error"):
+            assert german.given(rule.title) != rule.title

@@ -1,6 +1,7 @@
 """As-built records of a log of two programs."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,8 @@ from pipeline.monitoring.part_record import part_records
 from pipeline.schema.bundle import Champion
 from pipeline.schema.part_record import PartRecord
 from pipeline.schema.program_cut import SimulatedProgram
-from pipeline.schema.store import write_json, write_table
-from pipeline.schema.twin_state import MANIFEST, StateDay, TwinState, day_path, write_day
+from pipeline.schema.store import read_json, write_json, write_table
+from pipeline.schema.twin_state import MANIFEST, StateDay, TwinState, day_path, read_day, write_day
 
 M, DAY, ZONE = "mill", "2026-01-05", "Europe/Berlin"
 
@@ -47,7 +48,8 @@ def data(tmp_path: Path) -> Path:
     cycles.to_parquet(clean / "cycles.parquet")
     pd.DataFrame({
         "data_item": ["a", "a"], "level": ["fault", "warning"], "code": ["53", "54"],
-        "message": "", "start": [utc[2], utc[0]], "end": [pd.NaT, utc[1]], "ended": "",
+        "message": "", "start": [utc[2], at(40).tz_convert("UTC")],
+        "end": [pd.NaT, at(130).tz_convert("UTC")], "ended": "",
         "program": "O1", "line": [np.nan, 10.0],
     }).to_parquet(clean / "alarms.parquet")  # fmt: skip
     cut = load > 50
@@ -88,7 +90,7 @@ def test_a_part_is_a_complete_cycle_with_its_tools_loads_and_alarms(data: Path) 
     ]  # fmt: skip
     load = second.measured["spindle_load"]
     assert (load.unit, load.greatest, load.known_s) == ("PERCENT", 80.0, 120.0)
-    assert [a.code for a in first.alarms] == ["54"]
+    assert [(a.code, a.seconds) for a in first.alarms] == [("54", 30.0)], "its time in the cycle"
     assert [(a.code, a.seconds) for a in second.alarms] == [("53", None)]
     assert [(b.line, b.seconds) for b in first.blocks] == [(10, 50.0), (20, 50.0)]
 
@@ -108,12 +110,33 @@ def test_the_twin_stands_beside_what_was_measured_and_what_is_not_known_has_its_
     assert len(second.sources) == 3
 
 
+def test_the_load_of_a_run_up_is_not_the_greatest_and_a_missing_interval_has_its_reason(
+    data: Path,
+) -> None:
+    path, state = day_path(data / "twin_state" / M, DAY), data / "twin_state" / M / MANIFEST
+    table = read_day(data / "twin_state" / M, DAY).to_pandas().set_index("time")
+    values = {name: table[name].to_numpy() for name in table}
+    steady = (np.arange(600) < 350) | (np.arange(600) >= 400)
+    values |= {"spindle_steady": steady, "spindle_speed": np.full(600, 3000.0)}
+    values["spindle_temperature_low"] = values["spindle_temperature_high"] = np.full(600, np.nan)
+    write_day(pd.DatetimeIndex(table.index), values, path)
+    twin = replace(read_json(state, TwinState), temperature_interval_unknown="one training day")
+    write_json(twin, state)
+    found = records(data)[1]
+    load = found.measured["spindle_load"]
+    assert (load.greatest, load.known_s) == (5.0, 70.0), "80 % are those of a run-up"
+    assert found.twin["spindle_temperature"].low is None
+    assert found.not_known["spindle_temperature_interval"] == "one training day"
+    assert "spindle_load" not in found.not_known
+
+
 def test_time_in_the_cut_is_not_known_without_a_state_of_the_twin(data: Path) -> None:
     day_path(data / "twin_state" / M, DAY).unlink()
     (data / "twin_state" / M / MANIFEST).unlink()
     found = records(data)[1]
     assert {t.cutting_s for t in found.tools} == {None}
     assert "no state of the twin" in found.not_known["tangential_force"]
+    assert "run-ups count too" in found.not_known["spindle_load"]
     assert (found.bundle, found.version) == ("", None)
 
 

@@ -1,5 +1,6 @@
 """State of the twin: forces, powers, temperatures and vibration that are known come back."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,6 +13,7 @@ import pytest
 
 from pipeline.monitoring.budget import MonitoringSettings
 from pipeline.monitoring.day_estimates import (
+    POWERS,
     day_state,
     following_errors,
     spindle_power,
@@ -20,9 +22,15 @@ from pipeline.monitoring.day_estimates import (
 from pipeline.monitoring.nightly import serving_models
 from pipeline.monitoring.recorded_state import _trend
 from pipeline.parameters import read_params
-from pipeline.schema.bundle import bundle_of, copy_bundle
+from pipeline.schema.bundle import (
+    Champion,
+    Champions,
+    bundle_of,
+    copy_bundle,
+    write_champions,
+)
 from pipeline.schema.model import Parameter
-from pipeline.schema.store import StoreError, read_json
+from pipeline.schema.store import StoreError, read_json, write_json
 from pipeline.schema.twin_state import (
     DAYS,
     MANIFEST,
@@ -34,6 +42,7 @@ from pipeline.schema.twin_state import (
     read_day,
     write_day,
 )
+from pipeline.schema.verdict import Verdict
 from pipeline.signals.wear_windows import WearWindows
 from pipeline.stages.__main__ import run
 from pipeline.submodels.cases import Records
@@ -88,6 +97,11 @@ def test_a_force_is_null_where_it_is_not_defined() -> None:
         values, reasons = day_state(day_rows(slow, "cut"), estimators())
         assert np.isfinite(values["cutting_power_estimated"]).any() == (number == "T99")
         assert why in reasons["tangential_force"]
+    idle = replace(estimators(), idle={"cutting": "failed"})
+    values, reasons = day_state(day_rows(milling(0)[0], "air"), idle)
+    assert not {f"{name}_estimated" for name in POWERS} & values.keys()
+    assert reasons["cutting_power"] == "the champion’s cutting does not serve: failed"
+    assert (np.array(values["mode"]) == "cut").mean() > 0.9, "cuts are told from air all the same"
     none, why = day_state(day_rows(rows, "cut"), estimators(power=None))
     assert "cutting_power_estimated" not in none
     assert why["cutting_power"] == "no model with a no-load power serves"
@@ -109,6 +123,40 @@ def test_friction_that_rises_shows_in_the_power_without_load() -> None:
         values, _ = day_state(day_rows(free, "air"), estimators())
         over = values["no_load_power_measured"] > values["no_load_power_high"]
         assert over[5:-5].all() == (share > 1) and over.any() == (share > 1)
+
+
+def test_the_load_of_a_run_up_and_the_rows_after_a_gap_are_no_power_without_load() -> None:
+    """Load and speed of a row may be a row apart: the run-up's load stands beside held speeds."""
+    n, up, gap = 600, 300, 450
+    rpm = np.where(np.arange(n) < up, 3000.0, 9000.0)
+    load = load_of(rpm, np.zeros(n))
+    load[up - 2 : up + 2] = 130.0
+    load[gap] = 130.0
+    free = {"spindle_speed": rpm, "spindle_load": load, "path_feedrate": np.zeros(n)}
+    rows = day_rows(free, "air")
+    rows = replace(rows, frame=rows.frame.drop(rows.frame.index[gap - 20 : gap]))
+    values, _ = day_state(rows, estimators())
+    known = np.isfinite(values["no_load_power_measured"])
+    assert known.sum() > 550 and np.nanmax(values["no_load_power_measured"]) < 1000
+    assert not known[gap - 20 : gap - 18].any(), "after a gap"
+
+
+def test_without_a_feed_a_cut_is_not_taken_for_friction() -> None:
+    rpm = np.full(400, 9000.0)
+    load = {"spindle_speed": rpm, "spindle_load": load_of(rpm, 3 * no_load(rpm))}
+    values, reasons = day_state(day_rows(load, "air"), estimators())
+    assert not np.isfinite(values["no_load_power_measured"]).any()
+    assert "no feed is logged" in reasons["no_load_power"]
+    assert (np.array(values["mode"]) == "air").all()
+    axes = {f"{axis}_feedrate": np.zeros(400) for axis in "xyz"}
+    values, _ = day_state(day_rows(load | axes, "air"), estimators())
+    assert np.isfinite(values["no_load_power_measured"]).any(), "no axis moves"
+
+
+def test_a_heavy_cut_in_a_warm_up_ends_it() -> None:
+    rows, _ = milling(1, 1000)
+    values, _ = day_state(day_rows(rows, "warm_up"), estimators())
+    assert (np.array(values["mode"]) == "cut").mean() > 0.9
 
 
 def test_what_the_no_load_power_drifts_by_on_training_days_widens_its_interval() -> None:
@@ -184,6 +232,8 @@ def test_a_tool_change_is_where_the_spindle_stands_about_the_new_number() -> Non
     unknown = day_rows(rows | {"spindle_speed": np.full(400, np.nan)}, "air").modes()
     assert MODES.index("tool_change") not in unknown, "whether it stands is not known"
     assert (day_rows(rows, "off").modes()[350:] == -1).all(), "a machine that is off has no mode"
+    silent = day_rows(rows | {"execution": np.full(400, None)}, "air").modes()
+    assert MODES.index("tool_change") not in silent, "whether a program runs is not known"
 
 
 def test_the_following_error_at_constant_feed_is_speed_over_loop_gain() -> None:
@@ -290,7 +340,8 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     gone.write_bytes(b"of a day that is gone")
     with inside(root):
         folders = [f"data/{name}/{machine}" for name in ("champion", "raw", "signals", "clean")]
-        run(f"state@{machine}", *folders, "data/golden", f"data/twin_state/{machine}")
+        run(f"state@{machine}", folders[0], "champions.json", *folders[1:], "data/golden",
+            f"data/twin_state/{machine}")  # fmt: skip
     return root
 
 
@@ -322,6 +373,31 @@ def test_the_stage_writes_every_row_and_says_why_a_value_is_null(written: Path) 
     assert "two training days" in state.temperature_interval_unknown
     with pytest.raises(StoreError, match=r"2026-02-01\.parquet does not exist"):
         read_day(out, "2026-02-01")
+
+
+def test_a_submodel_that_does_not_serve_estimates_nothing(written: Path, tmp_path: Path) -> None:
+    root, machine = tmp_path / "project", bundled_project.MACHINE
+    shutil.copytree(written, root)
+    path = root / f"data/models/{machine}/spindle/verdict.json"
+    write_json(replace(read_json(path, Verdict), status="failed"), path)
+    bundle = bundle_of(path.parents[1], machine, ["spindle"])
+    copy_bundle(path.parents[1], bundle, root / f"data/champion/{machine}")
+    out = root / f"data/twin_state/{machine}"
+
+    def state() -> TwinState:
+        folders = [f"data/{name}/{machine}" for name in ("raw", "signals", "clean")]
+        with inside(root):
+            run(f"state@{machine}", f"data/champion/{machine}", "champions.json", *folders,
+                "data/golden", f"data/twin_state/{machine}")  # fmt: skip
+        return read_json(out / MANIFEST, TwinState)
+
+    found = state()
+    assert (found.submodels, found.idle) == ({"spindle": "failed"}, ("spindle",))
+    for day in found.days.values():
+        assert day.unknown["spindle_temperature"] == "the champion’s spindle does not serve: failed"
+    own = Champion(version=1, bundle=bundle.sha256, since="", by="", why="", serving=("spindle",))
+    write_champions(Champions(machines={machine: own}), root / "champions.json")
+    assert state().days[DRIFTS].known_s["spindle_temperature"] > 0, "somebody let it serve"
 
 
 def test_a_slow_fault_is_not_taken_for_the_truth(written: Path) -> None:

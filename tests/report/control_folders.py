@@ -101,7 +101,7 @@ class Programmer:
             sha256="ef" * 32, total_time_s=sum(t.time_s for t in by_tool),
             cutting_time_s=sum(t.cutting_s for t in by_tool),
             path_length_mm=sum(t.length_mm for t in by_tool), origin_mm=(x, y, z),
-            by_tool=by_tool, by_type=dict(types), by_limit=dict(limits), blocks=len(self.rows),
+            by_tool=by_tool, by_type=dict(types), by_cause=dict(limits), blocks=len(self.rows),
         )  # fmt: skip
 
 

@@ -25,6 +25,7 @@ from report_folders import (
 from pipeline.charts.judged import scores_table
 from pipeline.charts.sections import PartVerdict, SubModelPage
 from pipeline.report.changes import MachineFigures, changes, key_figure
+from pipeline.report.components import component_states
 from pipeline.report.facts import machine_facts
 from pipeline.report.pages import write_report
 from pipeline.report.records import FileRead, RecordsRead
@@ -32,6 +33,7 @@ from pipeline.report.scorecard import baseline_words, scorecard, worst_error
 from pipeline.report.texts import ENGLISH
 from pipeline.report.verdict import machine_actions
 from pipeline.report.work import Day, Work
+from pipeline.schema.incident import Event, Incident, Monitored, RuleState
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Figures, JudgedCase, Score, Verdict
 
@@ -151,11 +153,14 @@ def test_a_sensor_that_often_reads_wrong_is_named(tmp_path):
 
 def test_alarms_are_counted_by_kind_with_what_is_still_active_first(tmp_path):
     text, page = reported(tmp_path, machine(tmp_path, "m", days=4)), tmp_path / "out" / "m.html"
-    assert "The control reported 1 fault and 3 warnings; the longest was 217" in text
+    assert "The control reported 1 fault and 3 warnings; the longest was 217" in every_word(
+        tmp_path / "out" / "m_records.html")  # fmt: skip
     assert "At the end of the records 1 alarm was still active." in text
-    rows = section(page, "alarms").partition("<table")[2]
+    rows = section(tmp_path / "out" / "m_records.html", "alarms").partition("<table")[2]
     assert rows.index("62 FOLLOWING ERROR") < rows.index("217 COOLANT LEVEL LOW")
     assert "O1001, line 120" in rows
+    week = section(page, "alarms")  # those with most minutes first
+    assert week.index("217 COOLANT LEVEL LOW") < week.index("62 FOLLOWING ERROR")
 
 
 def test_a_machine_without_conditions_has_no_section_of_alarms(tmp_path):
@@ -222,8 +227,8 @@ def test_a_figure_that_is_worse_on_other_records_stands_beside_the_one_that_deci
     folders = machine(tmp_path, "m", days=4)
     write_report([folders], FLEET, None, tmp_path / "out")
     page = tmp_path / "out" / "m.html"
-    assert "mean error, on Thu 7 Mar (elsewhere up to 1.20 K, " in words(page)
-    assert "golden records, free run) 0.900 K 2 K" in words(page)
+    said = "0.900 K of 2 K on Thu 7 Mar (elsewhere up "
+    assert f"{said}to 1.20 K)" in words(page)
 
 
 def live_table(folders, last):
@@ -255,15 +260,55 @@ def test_a_machine_whose_agent_said_unavailable_is_off_and_not_silent(tmp_path, 
     assert ("is silent" in text) is not announced
 
 
-def test_an_alarm_of_most_working_days_is_an_action(tmp_path):
-    facts = machine_facts(machine(tmp_path, "m", days=5))
-    rows = {row.action.what: row.action.why for row in machine_actions(facts, [], True, ENGLISH)}
-    assert rows["Find out why this alarm recurs"].startswith(
-        "217 COOLANT LEVEL LOW: 4 times on 4 of 5 working days, last on "
+def monitored(folders, *incidents):
+    """The same machine with what monitoring found."""
+    path = folders.clean.parent / "incidents.json"
+    write_json(Monitored(
+        machine=folders.name, origin=folders.origin, days=("2024-03-07",), known_good=(),
+        worked_s=1.0, rules={"x_following_error": RuleState(
+            limit=2.0, unit="1", assessed_s=60.0, events=0)}, incidents=incidents,
+    ), path)  # fmt: skip
+    return replace(folders, incidents=path)
+
+
+def an_incident(severity, component, day, title="Friction rises", rule="x"):
+    event = Event(rule=rule, component=component, severity=severity, start=f"{day}T08:00Z",
+                  end=f"{day}T08:10Z", value=3.0, limit=2.0, unit="1")  # fmt: skip
+    return Incident(
+        id=title + day, machine="m", origin="simulated", component=component, title=title,
+        severity=severity, check="Look at the guide.", who="maintenance", start=f"{day}T08:00Z",
+        end=f"{day}T09:00Z", seconds=60.0, count=1, events=(event,),
+    )  # fmt: skip
+
+
+def test_incidents_of_the_week_are_actions_by_risk_and_states_of_their_component(tmp_path):
+    found = monitored(
+        machine(tmp_path, "m", days=5),
+        an_incident("watch", "Path (motion_c)", "2024-03-05", "Alarm 1281 X AXIS MALF.", "alarm"),
+        an_incident("act", "X axis", "2024-03-06"),
+        an_incident("act", "spindle drive", "2024-02-20"),  # weeks ago
     )
-    few = machine_facts(machine(tmp_path, "n", days=3))
-    asked = [row.action.what for row in machine_actions(few, [], True, ENGLISH)]
-    assert "Find out why this alarm recurs" not in asked
+    facts = machine_facts(found)
+    rows = [row for row in machine_actions(facts, [], True, ENGLISH)
+            if row.href.endswith("#incidents")]  # fmt: skip
+    assert [(row.action.what, row.action.where, row.risk, row.since) for row in rows[:2]] == [
+        ("Look at the guide", "X axis", 2, "2024-03-06"),
+        ("Find out why it recurs: Look at the guide", "Path", 1, "2024-03-05"),
+    ]
+    assert rows[0].action.until == "now" and not rows[0].engineers
+    states = {one.key: one for one in component_states(facts, ENGLISH)}
+    assert (states["axes"].status, states["axes"].since) == ("failed", "Wed\xa06\xa0Mar")
+    assert states["axes"].why == "Friction rises, and 1 more"
+    assert states["spindle"].status != "failed"
+
+
+@pytest.mark.parametrize(
+    ("until", "silent"), [("2024-03-10T06:00:00Z", False), ("2024-03-12T06:00:00Z", True)]
+)
+def test_a_log_that_ends_on_friday_is_silent_from_the_day_after_monday_on(tmp_path, until, silent):
+    folders = machine(tmp_path, "m", days=5)  # Monday to Friday
+    live_table(folders, until)
+    assert (machine_facts(folders).silence is not None) is silent
 
 
 def a_score(**parts):
@@ -312,13 +357,14 @@ def test_a_bias_that_is_most_of_the_error_and_a_small_number_of_records_are_said
         )
         page = SubModelPage(verdict=PartVerdict(status="passed", sentence="", todo=""))
         one = SimpleNamespace(name="deformation", title="growth", judged=judged, page=page)
-        return scorecard("m", [one], ENGLISH)[0]
+        facts = SimpleNamespace(models=[one], serving=None, folders=SimpleNamespace(name="m"))
+        return scorecard(facts, ENGLISH)[0]
 
     assert line(bias=-3.7).figure.worse == "bias −3.70\xa0µm"
     assert line(bias=0.3).figure.worse == ""
     share = {"unit": "1", "mean_percent": 37.0, "limits": {"mean_percent": 20.0}}
     assert line(bias=3.7, **share).figure.worse == "bias +37.0\xa0%"
-    assert line().judged_on == "on records held out, 1 of them"
+    assert line().judged_on == "records held out, 1"
 
 
 def test_a_machine_without_a_sub_model_is_asked_for_what_is_logged_already(tmp_path):

@@ -17,7 +17,6 @@ from pipeline.report.programs.moves import (
     Classes,
     ProgramMoves,
     dots,
-    lengths,
     map_figure,
     pieces,
     program_moves,
@@ -27,12 +26,12 @@ from pipeline.report.programs.moves import (
 from pipeline.report.programs.panels import (
     BINS,
     bars_figure,
-    limit_bars,
+    cause_bars,
     timeline,
     timeline_figure,
-    tool_and_type_bars,
+    tool_bars,
 )
-from pipeline.report.programs.simulated import feed_classes, lost_seconds
+from pipeline.report.programs.simulated import feed_classes
 from pipeline.schema.program_cut import SimulatedProgram, ToolTime
 
 NONE = math.nan
@@ -81,27 +80,15 @@ def test_no_piece_leaves_its_arc_by_more_than_the_tolerance(r, angle, sign, tole
 def test_length_of_a_helix_of_three_turns():
     arc = {"kind": "arc", "x": 20.0, "z": -6.0, "cx": 0.0, "cy": 0.0, "cz": 0.0}
     helix = moves({**arc, "angle": 6 * math.pi}, origin=(20.0, 0.0, 0.0))
-    assert lengths(helix)[0] == pytest.approx(math.hypot(20 * 6 * math.pi, 6), rel=1e-12)
     cut = pieces(helix, 1e-3)
     # chords that leave their arc by 1e-3 of 20 mm are 3e-5 shorter than it: (1 - cos) / 1.5
-    assert np.linalg.norm(cut.b - cut.a, axis=1).sum() == pytest.approx(lengths(helix)[0], rel=5e-5)
-
-
-def test_length_of_a_spiral_against_its_pieces():
-    arc = {"kind": "arc", "y": 30.0, "plane": 18, "cx": 0.0, "cy": 0.0, "cz": 0.0, "angle": 9.0}
-    start, end = (0.0, 0.0, 12.0), {"z": 8 * math.cos(9.0), "x": 8 * math.sin(9.0)}
-    spiral = moves({**arc, **end}, origin=start)
-    cut = pieces(spiral, 1e-4)
-    # the mean radius is a thousandth off where the radius changes by a third
-    assert lengths(spiral)[0] == pytest.approx(
-        np.linalg.norm(cut.b - cut.a, axis=1).sum(), rel=5e-3
-    )
+    length = math.hypot(20 * 6 * math.pi, 6)
+    assert np.linalg.norm(cut.b - cut.a, axis=1).sum() == pytest.approx(length, rel=5e-5)
 
 
 def test_a_move_to_nowhere_is_left_out_and_an_arc_without_centre_is_straight():
     lost = moves({"x": 1.0}, {"x": NONE}, {"x": 3.0}, {"kind": "arc", "x": 9.0, "angle": 1.0})
     assert pieces(lost, 0.1).row.tolist() == [0, 3]
-    assert np.allclose(lengths(lost), [1.0, NONE, NONE, 6.0], equal_nan=True)
 
 
 def drawn(data: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
@@ -205,9 +192,9 @@ def test_feed_over_time_shows_where_and_how_much_is_missing():
     )
     shown = timeline(program)
     first, second, rapid = np.split(np.arange(BINS), [BINS // 4, BINS // 2])
-    assert np.allclose(shown.share[first], 0.5) and np.allclose(shown.share[second], 1.0)
-    assert np.allclose(shown.reached[first], 500) and np.allclose(shown.programmed[second], 2000)
-    assert np.isnan(shown.share[rapid]).all() and set(shown.doing[rapid]) == {1}
+    assert np.allclose(shown.programmed[first], 1000) and np.allclose(shown.reached[first], 500)
+    assert np.allclose(shown.reached[second], shown.programmed[second])
+    assert np.isnan(shown.reached[rapid]).all() and set(shown.doing[rapid]) == {1}
     assert shown.tools == [(3, 0.0, 0.25), (7, 0.25, 1.0)]
 
 
@@ -216,31 +203,23 @@ def test_a_program_that_takes_no_time_has_no_time_axis():
     assert timeline(moves({"x": 1.0, "time": math.nan})) is None
 
 
-def test_lost_time_is_what_exceeds_length_over_feed():
-    program = moves({"x": 100.0, "programmed_feed": 6000.0, "time": 1.6},  # 1 s at that feed
-                    {"x": 100.0, "time": 5.0},  # rotary axes alone: no path
-                    {"kind": "rapid", "x": 0.0, "time": 9.0})  # fmt: skip
-    assert lost_seconds(program) == pytest.approx(0.6)
-    assert lost_seconds(moves({"kind": "rapid", "x": 1.0})) is None
-
-
 def test_bars_are_as_long_as_the_times_that_they_name():
     program = SimulatedProgram(
-        program="p", by_limit={"feed": 60.0, "corner": 30.0, "EXACT_STOP": 0.0},
+        program="p", by_cause={"feed": 60.0, "corner": 30.0, "exact stop": 0.0},
         by_tool=(ToolTime(tool=4, time_s=20.0, cutting_s=12.0, rapid_s=5.0),),
     )  # fmt: skip
-    drawn = bars_figure(limit_bars(program), 90.0, "label")
+    drawn = bars_figure(cause_bars(program), 90.0, "label")
     widths = [float(w) for w in re.findall(r'width="([\d.]+)%" y', drawn)]
     assert widths[0] == pytest.approx(2 * widths[1]) and len(widths) == 2
     assert "30 s · 33" in re.sub(r"\s+", " ", drawn.replace("30.0", "30"))
-    (head, (bar,)), *rest = tool_and_type_bars(program)
+    (head, (bar,)), *rest = tool_bars(program)
     assert (head, bar.name, rest) == ("By tool", "T4", [])
     assert [seconds for seconds, _ in bar.parts] == [12.0, 5.0, 3.0]
 
 
 def test_more_tools_than_fit_are_summed_not_dropped():
     tools = tuple(ToolTime(tool=i, time_s=float(i + 1)) for i in range(30))
-    ((_, bars),) = tool_and_type_bars(SimulatedProgram(program="p", by_tool=tools))
+    ((_, bars),) = tool_bars(SimulatedProgram(program="p", by_tool=tools))
     assert len(bars) == 10 and bars[-1].name == "21 others"
     assert sum(bar.seconds for bar in bars) == pytest.approx(sum(range(1, 31)))
 

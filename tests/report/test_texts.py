@@ -111,7 +111,7 @@ def written(fleet: list[MachineFolders], say: Texts, out: Path) -> Path:
 DATA = {
     "mill", "lathe", "new_mill", "CREDIT", "Hall", "numpy", "default", "Ssped", "Xx", "Sp",
     "BORE", "SLOT", "agent", "txt", "shdr", "temp", "servo_c", "coolant_c", "min", "parts", "nc",
-    "COOLANT", "LEVEL", "LOW", "FOLLOWING", "ERROR", "run",
+    "COOLANT", "LEVEL", "LOW", "FOLLOWING", "ERROR", "run", "UTC",
 }  # fmt: skip
 """Words of machines, files, data items, alarms and units: what the records hold is no text."""
 SHOWN = {"aria-label", "data-label", "title", "data-word", "data-print"}

@@ -6,19 +6,17 @@ import pytest
 
 from pipeline.charts.sections import Action, PartVerdict, SubModelPage
 from pipeline.report import verdict
-from pipeline.report.alarms import Alarms
-from pipeline.report.facts import ActionRow
-from pipeline.schema.incident import Incident, Monitored, Severity
+from pipeline.report.components import ComponentState
+from pipeline.report.facts import ActionRow, Status
 
 
 def facts(**parts: PartVerdict) -> SimpleNamespace:
     models = [
-        SimpleNamespace(name=name, title=name, page=SubModelPage(verdict=one))
+        SimpleNamespace(name=name, title=name, page=SubModelPage(verdict=one), judged=None)
         for name, one in parts.items()
     ]
     return SimpleNamespace(
-        models=models, pages=[one.page for one in models], silence=None, monitored=None,
-        alarms=Alarms(folders=None, shelf=None, alarms=[]),
+        models=models, pages=[one.page for one in models], silence=None,
     )  # fmt: skip
 
 
@@ -33,6 +31,7 @@ def asked(*who: str) -> list[ActionRow]:
 def nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(verdict, "_grave", lambda given, say: [])
     monkeypatch.setattr(verdict, "machine_actions", lambda *given, **named: [])
+    monkeypatch.setattr(verdict, "component_states", lambda given, say: [])
 
 
 PASSED = PartVerdict(status="passed", sentence="The spindle passed.", todo="It may serve.")
@@ -45,33 +44,28 @@ def test_a_twin_that_passed_says_nothing_of_the_machine() -> None:
     assert (found.twin.status, found.twin.word) == ("passed", "all 2 sub-models passed")
 
 
-def incident(severity: Severity, end: str) -> Incident:
-    return Incident(
-        id=severity + end, machine="m", origin="simulated", component="X", title="Friction rises",
-        severity=severity, check="Look at X.", who="maintenance", start=f"{end}T08:00Z",
-        end=f"{end}T09:00Z", seconds=60.0, count=1, events=(),
-    )  # fmt: skip
+def states(**of: Status) -> list[ComponentState]:
+    return [ComponentState(key=key, status=one, word="") for key, one in of.items()]
 
 
 @pytest.mark.parametrize(
-    ("found", "status", "word"),
+    ("found", "status", "word", "said"),
     [
-        ([], "passed", "quiet"),
-        ([("act", "2026-01-05")], "passed", "quiet"),  # not on the last day
-        ([("watch", "2026-01-06")], "attention", "watch"),
-        ([("watch", "2026-01-06"), ("act", "2026-01-06")], "failed", "act"),
+        (states(axes="passed", tools="passed"), "passed", "quiet", "Fine: Axes and Tools."),
+        (states(axes="passed", tools="unknown"), "passed", "quiet", "not assessed: Tools."),
+        (states(axes="attention", tools="passed"), "attention", "watch", "Watch: Axes."),
+        (states(axes="attention", tools="failed"), "failed", "act", "Act on: Tools. Watch: Axes."),
+        (states(axes="unknown"), "unknown", "not assessed yet", "was assessed."),
     ],
 )
-def test_the_machine_is_what_monitoring_found_on_the_last_day(
-    found: list[tuple[Severity, str]], status: str, word: str
+def test_the_machine_is_as_its_worst_component(
+    monkeypatch, found: list[ComponentState], status: str, word: str, said: str
 ) -> None:
-    given = facts(spindle=PASSED)
-    given.monitored = Monitored(
-        machine="m", origin="simulated", days=("2026-01-05", "2026-01-06"), known_good=(),
-        worked_s=1.0, rules={}, incidents=tuple(incident(*one) for one in found),
-    )  # fmt: skip
-    line = verdict.machine_verdict(given).condition
-    assert (line.status, line.word) == (status, word)
+    monkeypatch.setattr(verdict, "component_states", lambda given, say: found)
+    whole = verdict.machine_verdict(facts(spindle=PASSED))
+    line = whole.condition
+    assert (line.status, line.word) == (status, word) and line.sentences[0].endswith(said)
+    assert whole.read[0] == line.sentences[0] and len(whole.read) == 3
 
 
 def test_generated_signals_that_failed_decide_nothing_and_are_said() -> None:
@@ -92,8 +86,11 @@ def test_generated_signals_alone_decide_for_themselves() -> None:
     assert (found.twin.status, found.twin.word) == ("failed", "synthesis failed")
 
 
-def test_checks_of_maintenance_stand_in_the_line_of_the_machine(monkeypatch) -> None:
+def test_what_comes_first_is_read_aloud(monkeypatch) -> None:
     rows = asked("maintenance", "maintenance", "ML engineer")
     monkeypatch.setattr(verdict, "machine_actions", lambda *given, **named: rows)
-    found = verdict.machine_verdict(facts(spindle=PASSED))
-    assert "2 checks for maintenance below." in found.condition.sentences
+    found = verdict.machine_verdict(facts(spindle=PASSED, cutting=FAILED))
+    assert found.read[1:] == (
+        "First: Look, T1 (now, maintenance).",
+        "The twin may be used to plan the warm-up; not to plan cuts.",
+    )

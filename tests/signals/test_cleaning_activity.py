@@ -143,3 +143,23 @@ def test_off_stands_between_stretches_and_unknown_seconds_are_in_no_segment():
 def test_a_program_named_for_it_is_a_warm_up():
     found = segments(milling(), SETTINGS, warm_up_programs=("O1",))
     assert ("warm_up", 400) in kinds(found)
+
+
+def test_a_warm_up_ends_where_another_program_begins():
+    """The second program only cuts at its speed, so that its load passes for no load there."""
+    t = np.arange(1500)
+    warm, hidden, last = (t >= 100) & (t < 400), (t >= 450) & (t < 1000), (t >= 1100) & (t < 1400)
+    running = warm | hidden | last
+    table = state(
+        1500, execution=np.where(running, "ACTIVE", "READY"),
+        program=np.where(t < 102, "O7", np.where(t < 440, "O9001", "O2040")),
+        spindle_speed=np.select([warm, hidden, last], [6000.0, 1250.0, 3000.0], 0.0),
+        spindle_load=np.select([t >= 1300, hidden, running], [30.0, 80.0, 2.0], 0.0),
+        path_feedrate=np.where(hidden | last, 8.0, 0.0),
+    )  # fmt: skip
+    assert kinds(segments(table, SETTINGS)) == [
+        ("idle", 100), ("warm_up", 300), ("idle", 50), ("air", 550), ("idle", 100), ("air", 200),
+        ("cut", 100), ("idle", 100),
+    ]  # fmt: skip
+    again = segments(table.assign(program="O9001"), SETTINGS)
+    assert kinds(again)[3] == ("warm_up", 550)

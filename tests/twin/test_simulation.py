@@ -1,6 +1,7 @@
 """What a simulated program comes to: sums that agree, a trace that ends with the program."""
 
 import json
+from dataclasses import replace
 from hashlib import sha256
 
 import numpy as np
@@ -18,6 +19,7 @@ from pipeline.twin.simulation import (
     limit_words,
     simulate_files,
     summary,
+    time_by_cause,
     type_of,
     write_trace,
 )
@@ -44,7 +46,7 @@ def test_the_total_is_that_of_the_plan(plan, document):
     assert document["program"] == "part"
 
 
-def test_tools_types_and_limits_each_add_up(plan, document):
+def test_tools_and_types_each_add_up(plan, document):
     tools = document["by_tool"]
     room = MILLISECOND * (len(tools) + len(TYPES))
     assert sum(t["time_s"] for t in tools) == pytest.approx(plan.total, abs=room)
@@ -54,9 +56,51 @@ def test_tools_types_and_limits_each_add_up(plan, document):
     assert document["cutting_time_s"] == pytest.approx(cutting, abs=room)
     assert sum(t["rapid_s"] for t in tools) == pytest.approx(document["by_type"]["rapid"], abs=room)
     assert sum(t["length_mm"] for t in tools) == pytest.approx(document["path_length_mm"], abs=room)
-    standing = plan.wait[np.isin(plan.path.moves.kind, (Kind.FEED, Kind.ARC))].sum()
-    moving = sum(document["by_limit"].values())
-    assert moving + standing == pytest.approx(cutting, abs=room)
+
+
+def controls() -> dict[str, ControlParameters]:
+    """One of each kind of motion: trapezoids, S-curves, tolerance and filters, dog-leg, blends."""
+    plain = truth()
+    jerky = {letter: replace(one, jerk=2e4) for letter, one in plain.axes.items()}
+    return {
+        "trapezoids": plain,
+        "jerk": replace(plain, profile="s_curve", axes=jerky),
+        "tolerance": replace(
+            plain, corner="tolerance", rapid_filter=(0.02, 0.01), cutting_filter=(0.02, 0.01)
+        ),
+        "dog-leg": replace(plain, rapid_mode="independent"),
+        "blend": replace(plain, corner="blend", settle_time=0.0, rapid_stop="change"),
+    }
+
+
+@pytest.mark.parametrize("kind", list(controls()))
+def test_no_second_is_without_a_cause(kind, plan):
+    planned = planned_program(plan.path.moves, controls()[kind])
+    causes = time_by_cause(planned)
+    assert sum(causes.values()) == pytest.approx(planned.total, rel=1e-9)
+    assert min(causes.values()) >= -1e-9
+    assert (
+        causes["tool change"] == pytest.approx(6 * 4.6)
+        and causes["corner"] + causes["tolerance"] > 0
+    )
+
+
+def test_a_ramp_takes_the_time_that_a_trapezoid_says():
+    # 100 mm at 6000 mm/min is 1 s; from and to rest at 700 mm/s^2 each end costs v / (2 a)
+    moves = Writer().set(feed=6000.0).to(X=100.0).to(X=200.0).moves
+    causes = time_by_cause(planned_program(moves, replace(truth(), settle_time=0.0)))
+    assert causes["feed"] == pytest.approx(2.0)
+    assert causes["exact stop"] == pytest.approx(2 * 100.0 / (2 * 700.0))
+    assert causes["acceleration"] == causes["corner"] == 0.0
+
+
+def test_a_slow_corner_costs_what_it_costs_and_a_reversal_is_a_corner():
+    slow = replace(truth(), settle_time=0.0)
+    straight = Writer().set(feed=6000.0).to(X=100.0).to(X=200.0).moves
+    bent = Writer().set(feed=6000.0).to(X=100.0).to(Y=100.0).moves
+    one, two = (planned_program(moves, slow) for moves in (straight, bent))
+    lost = time_by_cause(two)["corner"]
+    assert lost == pytest.approx(two.total - one.total, rel=1e-6) and lost > 0.1
 
 
 def test_tools_stand_in_the_order_in_which_they_are_used(document):

@@ -1,16 +1,16 @@
 """Chatter in a recording of vibration, force or sound of a milling cut.
 
 The spectrum of a stable cut has lines at harmonics of the spindle's rotation n (runout) and of the
-tooth-passing frequency N n.  Chatter adds f_c and f_c +- m N n (Hopf), or odd multiples of N n / 2
-(period doubling): Insperger, Stepan, Bayly, Mann (2003), Multiple chatter frequencies in milling
-processes, J. Sound Vib. 262.  A line counts as one where the mean spectrum over segments stands out
-of the floor by more than chance allows, and of the flank of a line of the rotation, which a speed
-that wanders widens.  A structure that noise shakes has a narrow peak too, near the stability
-boundary a very narrow one; its envelope is Rayleigh's, <a^4> / <a^2>^2 = 2, that of a self-excited
-vibration is constant, 1 (kurtosis 3 and 1.5: Jacobsen, Andersen, Brincker 2007, Eliminating the
-influence of harmonic components in operational modal analysis, IMAC XXV).  A line with half of the
-energy (Bahtiyar, Sencer 2021, ASPE) is chatter below the midpoint of both, one with less of it
-below a quarter of the way.
+tooth-passing frequency N n.  Chatter adds f_c and f_c +- m N n (quasi-periodic), or odd multiples
+of N n / 2 (period doubling): Insperger, Stepan, Bayly, Mann (2003), Multiple chatter frequencies in
+milling processes, J. Sound Vib. 262.  A line counts as one where the mean spectrum over segments
+stands out of the floor by more than chance allows, and of the flank of a line of the rotation,
+which a speed that wanders widens.  A structure that noise shakes has a narrow peak too, near the
+stability boundary a very narrow one; its envelope is Rayleigh's, <a^4> / <a^2>^2 = 2, that of a
+self-excited vibration is constant, 1 (kurtosis 3 and 1.5: Jacobsen, Andersen, Brincker 2007,
+Eliminating the influence of harmonic components in operational modal analysis, IMAC XXV).  A line
+with half of the energy (Bahtiyar, Sencer 2021, ASPE) is chatter below the midpoint of both, one
+with less of it below a quarter of the way.
 
 Stable speeds n = f_c / (N k): Delio, Tlusty, Smith (1992), Use of audio signals for chatter
 detection and control, J. Eng. Ind. 114.
@@ -42,7 +42,7 @@ from pipeline.cutting.stability.cut_spectra import (
 from pipeline.schema.arrays import Bools, Floats, Ints
 
 Verdict = Literal["stable", "chatter", "not decided"]
-Kind = Literal["", "Hopf", "period doubling"]
+Kind = Literal["", "quasi-periodic", "period doubling"]
 
 STEADY, MIDPOINT = 1.25, 1.5
 """<a^4> / <a^2>^2 below which a line is self-excited; between a steady and a random one [1]."""
@@ -162,11 +162,11 @@ def recorded_chatter(
     if cut.sum() < LEAST_SEGMENTS:
         return _with(none, why="there is no cut in it, or too short a one: no lines at the "
                      "tooth-passing frequency; check speed and teeth")  # fmt: skip
-    actual = float(np.median(found.n))
     one = _Cut(
         y=y, spectra=found, teeth=teeth, rotation=rotation, order=order, floor=floor, cut=cut,
         idle=idle, derivatives=np.array([*derivatives, *[0] * (len(y) - len(derivatives))]),
     )  # fmt: skip
+    actual = _actual_speed(one)
     judged = _judged(one, _with(none, speed_rpm=60 * actual, tooth_passing_Hz=teeth * actual,
                                 seconds_in_cut=found.seconds(cut)))  # fmt: skip
     if judged.verdict != "chatter" or judged.frequency_Hz is None:
@@ -177,6 +177,15 @@ def recorded_chatter(
 
 def _with(one: RecordedChatter, **changes: object) -> RecordedChatter:
     return replace(one, **changes)  # type: ignore[arg-type]
+
+
+def _actual_speed(one: _Cut) -> float:
+    """Speed by the centroid of the strongest line of the teeth in the cut [1/s]."""
+    found, n = one.spectra, float(np.median(one.spectra.n))
+    passing = one.rotation & (one.order > 0) & (one.order % one.teeth == 0)
+    at = int(np.argmax(np.where(passing[one.cut].all(axis=0), one.power.mean(axis=0), 0.0)))
+    order = round(float(found.frequency[at]) / n)
+    return line_frequency(one.power, found.frequency, at)[0] / order if order else n
 
 
 def _judged(one: _Cut, own: RecordedChatter) -> RecordedChatter:
@@ -212,7 +221,7 @@ def _judged(one: _Cut, own: RecordedChatter) -> RecordedChatter:
         energy_share=float(seen.energy[during].sum() / max(seen.whole[during].sum(), 1e-12)),
         envelope=float((a2**2).mean() / max(a2.mean() ** 2, 1e-300)),
         false_alarm=float(min(chance[seen.at], 1.0)),
-        kind="period doubling" if half < found.frequency[1] / 2 else "Hopf",
+        kind="period doubling" if half < found.frequency[1] / 2 else "quasi-periodic",
     )  # fmt: skip
     verdict = _verdict(one, judged, there, longest)
     return _with(own, **locked) if locked and verdict.verdict != "chatter" else verdict
@@ -327,7 +336,8 @@ def _locked(one: _Cut) -> dict[str, Any]:
     half = 2 * round(f_c / float(np.median(found.n))) % (2 * teeth) == teeth
     words = f"{100 * share:.0f} % of the energy lies at multiples of the rotation, not of the teeth"
     if other > 4 * near:
-        return line | {"verdict": "chatter", "kind": "period doubling" if half else "Hopf",
+        kind = "period doubling" if half else "quasi-periodic"
+        return line | {"verdict": "chatter", "kind": kind,
                        "why": f"{words}, where runout has no lines"}  # fmt: skip
     return line | {
         "kind": "",

@@ -211,16 +211,6 @@ def _on_arc(
     return points
 
 
-def lengths(moves: ProgramMoves) -> np.ndarray:
-    """Path of X, Y, Z in each move [mm], (M,), exact but for spirals; NaN without an end."""
-    step = moves.end - moves.start
-    length = np.linalg.norm(step, axis=1)
-    r_0, r_1 = radii(moves)
-    normal = np.select([moves.plane == 18, moves.plane == 19], [step[:, 1], step[:, 0]], step[:, 2])
-    turned = np.abs(moves.angle) * (r_0 + r_1) / 2
-    return np.where(_arcs(moves), np.sqrt(turned**2 + normal**2 + (r_1 - r_0) ** 2), length)
-
-
 MAP_UNITS = 1200  # across a map, so that a unit is less than a pixel
 MAP_BUDGET = (
     120_000  # bytes of one view's paths; beyond it the grid that points lie on gets coarser

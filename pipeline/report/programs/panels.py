@@ -1,6 +1,6 @@
-"""Panels over a program's time or path; its feed over time, and bars by tool, type and limit."""
+"""Panels over a program's time or path; its feed over time, and bars by cause and tool."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -97,32 +97,35 @@ def tool_spans(
 
 
 BINS = 240  # columns over the program's time
-TOP, FEED, SHARE, STRIP, GAP = 18, 150, 64, 14, 28  # px: head, heights of the bands, between them
+TOP, FEED, STRIP, GAP = 18, 150, 14, 28  # px: head, heights of the bands, between them
 SEEN = 0.05  # share of a column's time that must be cutting for a feed to be drawn
 DOING = ("s-cut", "s-rapid", "s-still")
 """CSS classes of cutting, rapids, and all else."""
 ROW, HEAD, BETWEEN = 21, 24, 14  # px: a bar, the head above a group, between groups
 FILL = 66.0  # percent of the width that the longest bar takes; its time stands beside it
 MOST = 10  # bars in a group; the rest are one
+MOST_CAUSES = 15  # of the causes each has its bar
 
-LIMITS = {
-    "feed": "programmed feed",
+CAUSES = {
+    "feed": "at programmed feed",
     "axis speed": "axis speed",
     "acceleration": "acceleration",
     "corner": "corners",
     "arc": "arcs",
     "tolerance": "path tolerance",
-    "exact stop": "exact stops",
-    "curve": "curves made of chords",
-    "rapid": "rapid speed",
-    "jerk": "jerk",
-    "spindle": "spindle",
-    "nothing": "nothing: it stands",
+    "exact stop": "stops between blocks",
+    "curve": "curves of chords",
+    "rapid": "rapids",
+    "spindle": "spindle waits",
+    "tool change": "tool changes",
+    "dwell": "dwell",
+    "program stop": "program stops",
+    "M code": "M codes",
 }
-"""Limits of the speed of a block, in words."""
+"""Causes of time, in words."""
 
-TYPE_KIND = {"rapid": "s-rapid", "feed": "s-cut", "arc": "s-cut"}
-LIMIT_KIND = {"feed": "s-cut", "rapid": "s-rapid", "spindle": "s-still", "nothing": "s-still"}
+STANDING = ("spindle", "tool change", "dwell", "program stop", "M code")
+"""Causes of time at which the axes stand anyway."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,8 +137,6 @@ class Timeline:
     programmed: np.ndarray
     reached: np.ndarray
     """Mean feed while cutting [mm/min]."""
-    share: np.ndarray
-    """Reached feed over programmed feed, 1 at most [1]."""
     doing: np.ndarray
     """Index into :data:`DOING` of what takes most of the column."""
     tools: list[tuple[int, float, float]]
@@ -158,13 +159,11 @@ def timeline(moves: ProgramMoves) -> Timeline | None:
 
     known = spent(both.astype(float))
     cut = np.where(known > SEEN * total / BINS, known, np.nan)
-    ratio = np.minimum(np.where(both, moves.reached / moves.programmed, 0.0), 1.0)
     cutting, rapid = spent(moves.cutting.astype(float)), spent(moves.rapid.astype(float))
     return Timeline(
         total=total,
         programmed=spent(np.where(both, moves.programmed, 0.0)) / cut,
         reached=spent(np.where(both, moves.reached, 0.0)) / cut,
-        share=spent(ratio) / cut,
         doing=np.argmax([cutting, rapid, total / BINS - cutting - rapid], axis=0),
         tools=_tools(moves.tool, end / total),
     )
@@ -179,14 +178,12 @@ def _tools(tool: np.ndarray, at: np.ndarray) -> list[tuple[int, float, float]]:
 
 
 def timeline_figure(shown: Timeline, classes: Classes, label: str) -> Markup:
-    """Three bands over the program's time: feed, how much of it is missing, what goes on."""
-    share_top = TOP + FEED + GAP
-    strip_top = share_top + SHARE + GAP
+    """Two bands over the program's time: feed, programmed and reached, and what goes on."""
+    strip_top = TOP + FEED + GAP
     bottom = strip_top + STRIP
     parts = [
         *clock(shown.total, TOP, bottom),
         *_feeds(shown, classes, TOP),
-        *_shortfall(shown, share_top),
         *_strip(shown, strip_top),
     ]
     return svg.figure(parts, height=bottom + 36, label=label, kind="golden")
@@ -207,15 +204,6 @@ def _feeds(shown: Timeline, classes: Classes, top: float) -> list[Markup]:
     level = svg.FULL * (1 - np.repeat(shown.programmed, 2) / high)
     line = svg.curve(WIDE * np.repeat(np.arange(BINS + 1), 2)[1:-1], level, "asked")
     return [*panel.frame(), panel.band([*columns, line], BINS)]
-
-
-def _shortfall(shown: Timeline, top: float) -> list[Markup]:
-    panel = Panel(head="Reached of the programmed feed, %", top=top, height=SHARE, most=100.0,
-                  marks=(0, 50, 100))  # fmt: skip
-    reached = 100 * shown.share
-    gap = panel.columns(reached, np.where(np.rint(10 * reached) < 1000, 100.0, np.nan), "s-lost")
-    met = panel.columns(np.zeros(BINS), np.where(reached > 0, reached, np.nan), "s-met")
-    return [*panel.frame(), panel.band([met, gap], BINS)]
 
 
 def _strip(shown: Timeline, top: float) -> list[Markup]:
@@ -244,41 +232,29 @@ Group = tuple[str, list[Bar]]
 """A head and the bars below it."""
 
 
-def limit_seconds(program: SimulatedProgram) -> dict[str, float]:
-    """Time [s] by what limits the speed of a block, only what takes any."""
-    return _seconds(program.by_limit)
-
-
-def _seconds(times: Mapping[str, float]) -> dict[str, float]:
-    return {name: value for name, value in times.items() if value > 0}
-
-
-def limit_bars(program: SimulatedProgram) -> list[Group]:
-    """Time by what limits the speed of a block, the longest bar first."""
+def cause_bars(program: SimulatedProgram) -> list[Group]:
+    """Time by what costs it, the longest bar first."""
+    kinds = {"feed": "s-cut", "rapid": "s-rapid"} | dict.fromkeys(STANDING, "s-still")
     bars = [
-        Bar(name=limit_words(name), parts=[(seconds, LIMIT_KIND.get(name, "s-lost"))])
-        for name, seconds in limit_seconds(program).items()
+        Bar(name=cause_words(name), parts=[(seconds, kinds.get(name, "s-lost"))])
+        for name, seconds in program.by_cause.items()
     ]
-    return _present([("What bounds the speed", bars)])
+    return _present([("What costs time", bars)], MOST_CAUSES)
 
 
-def tool_and_type_bars(program: SimulatedProgram) -> list[Group]:
-    """Time by tool and by type of block, the longest bar first."""
-    tools = [_tool_bar(one) for one in program.by_tool]
-    types = [
-        Bar(name=name, parts=[(seconds, TYPE_KIND.get(name, "s-still"))])
-        for name, seconds in _seconds(program.by_type).items()
-    ]
-    return _present([("By tool", tools), ("By type of block", types)])
+def tool_bars(program: SimulatedProgram) -> list[Group]:
+    """Time by tool, the longest bar first."""
+    return _present([("By tool", [_tool_bar(one) for one in program.by_tool])])
 
 
-def _present(groups: list[Group]) -> list[Group]:
-    return [(head, _shortened(bars)) for head, bars in groups if any(b.seconds > 0 for b in bars)]
+def _present(groups: list[Group], most: int = MOST) -> list[Group]:
+    shown = [(head, bars) for head, bars in groups if any(b.seconds > 0 for b in bars)]
+    return [(head, _shortened(bars, most)) for head, bars in shown]
 
 
-def limit_words(name: str) -> str:
-    """Bound of the speed, in words; its own name when it is not listed here."""
-    return LIMITS.get(name, name)
+def cause_words(name: str) -> str:
+    """Cause of time, in words; its own name when it is not listed here."""
+    return CAUSES.get(name, name)
 
 
 def _tool_bar(one: ToolTime) -> Bar:
@@ -289,14 +265,14 @@ def _tool_bar(one: ToolTime) -> Bar:
     )
 
 
-def _shortened(bars: list[Bar]) -> list[Bar]:
+def _shortened(bars: list[Bar], most: int) -> list[Bar]:
     found = sorted((b for b in bars if b.seconds > 0), key=lambda b: (-b.seconds, b.name))
-    rest = found[MOST - 1 :]
+    rest = found[most - 1 :]
     if len(rest) < 2:
         return found
     kinds = list(dict.fromkeys(kind for b in rest for _, kind in b.parts))
     sums = [(sum(s for b in rest for s, k in b.parts if k == kind), kind) for kind in kinds]
-    return [*found[: MOST - 1], Bar(name=counted(len(rest), "other"), parts=sums)]
+    return [*found[: most - 1], Bar(name=counted(len(rest), "other"), parts=sums)]
 
 
 def bars_figure(groups: list[Group], total: float, label: str) -> Markup:

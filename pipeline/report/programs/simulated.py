@@ -1,4 +1,4 @@
-"""Simulated part programs: predicted time of each, by block type and cause."""
+"""Simulated part programs: predicted time of each, by cause, and what would save some."""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
@@ -21,7 +21,6 @@ from pipeline.report.programs.moves import (
     UNKNOWN,
     Classes,
     ProgramMoves,
-    lengths,
     map_figure,
     program_moves,
 )
@@ -30,9 +29,7 @@ from pipeline.schema.program_cut import ProgramCut, SimulatedProgram, ToolTime
 from pipeline.schema.verdict import UsedModel
 
 WORTH_SAYING = 0.05
-"""Share of a program's time from which a bound is named [1]."""
-AT_FEED = 0.98
-"""Share of the programmed feed from which a block counts as reaching it [1]."""
+"""Share of a program's time from which a cause is named [1]."""
 
 TIME_LEGEND = [
     ("s-cut", "cutting, at the programmed feed", "box"),
@@ -46,19 +43,19 @@ REMEDIES = {
     "arc": "tight arcs slow it down: larger radii would help",
     "curve": "curves made of chords slow it down: longer chords, or arcs, would help",
     "tolerance": "the path tolerance slows it down: where the part allows, widen it",
-    "exact stop": "exact stops slow it down: look at G61, G9 and M codes between cuts",
+    "exact stop": "it stops between blocks: look at pecks, G61, G9 and M codes between cuts",
     "axis speed": "an axis goes as fast as it can: a higher feed gains nothing there",
     "jerk": "the limit of jerk slows it down: smoother paths would help",
 }
-"""Main cause of slowness of a program, and its remedy for the programmer."""
+"""Greatest cause of slowness of a cut, and its remedy for the programmer."""
 RESTS_ON = {
     "acceleration": "cutting_acceleration", "corner": "corner_jump", "arc": "arc_acceleration",
     "curve": "arc_acceleration", "tolerance": "tolerance", "exact stop": "settle_time",
     "jerk": "jerk",
 }  # fmt: skip
 """Parameter of the control that decides how much a bound costs."""
-FREE = ("feed", "rapid", "spindle", "nothing")
-"""Programmed bounds of a block."""
+FREE = ("feed", "rapid", *panels.STANDING)
+"""Causes of time that are programmed; the others slow the cut down."""
 MADE_FROM = "the part program and the model of the control"
 
 
@@ -207,8 +204,7 @@ def simulated_page(
     ``assumed`` names the parameters of the control that its records do not determine.
     """
     summary, beyond = program.summary, program.summary.violations
-    loss = [] if program.moves is None else _loss(program.moves)
-    words = [*loss, _binding(program, assumed)]
+    words = [*_loss(summary), _binding(program, assumed)]
     return StandalonePage(
         program=program.name,
         machine=summary.machine,
@@ -249,7 +245,7 @@ def _tools(summary: SimulatedProgram) -> list[ToolTime]:
 def time_section(
     program: Program, classes: Classes, summary: list[Source], moves: list[Source]
 ) -> Section:
-    """Path and feed of a program, and its time by what bounds it, by tool and type of block.
+    """Path and feed of a program, and its time by cause and by tool.
 
     The files of its ``summary`` and of its ``moves`` stand below the figures.
     """
@@ -257,61 +253,66 @@ def time_section(
         figure
         for figure in (
             _map(program, classes, moves),
-            _bars(program, panels.limit_bars(program.summary), "what bounds its speed", summary),
+            _bars(program, panels.cause_bars(program.summary), "what costs it", summary),
             _timeline(program, classes, moves),
-            _bars(program, panels.tool_and_type_bars(program.summary), "tool and type of block",
-                  summary),
+            _bars(program, panels.tool_bars(program.summary), "tool", summary),
         )
         if figure is not None
     ]  # fmt: skip
     legend = [] if program.moves is None else _legend(program.moves, classes)
     kind = "one" if program.moves is None else "program"
-    blocks: list[Block] = [Figures(figures=figures, legend=[*legend, *TIME_LEGEND], kind=kind)]
-    return Section(key="time-use", title="Where its time goes", blocks=blocks if figures else [])
+    drawn = Figures(figures=figures, legend=[*legend, *TIME_LEGEND], kind=kind)
+    blocks: list[Block] = [
+        *([drawn] if figures else []),
+        *present(_advice_table(program.summary, summary)),
+    ]
+    return Section(key="time-use", title="Where its time goes", blocks=blocks)
 
 
-def _loss(moves: ProgramMoves) -> list[str]:
+def _advice_table(program: SimulatedProgram, files: list[Source]) -> Table | None:
+    """What the programmer can gain besides F and S."""
+    total = program.total_time_s
+    return tabulated("What would save time, for the programmer", program.advice, (
+        Column("Change", lambda one: sentence(one.what)),
+        Column("saves, s", lambda one: number(one.seconds), ""),
+        Column("of the time", lambda one: percent(one.seconds, total), ""),
+        Column("if", lambda one: one.assumes),
+        Column("lines", lambda one: ", ".join(map(str, one.lines)) or "–"),
+    ), files, note="Planned again by the same control with this one change, which is not made: "
+       "savings do not add up, and none is promised.")  # fmt: skip
+
+
+def _slowed(program: SimulatedProgram) -> dict[str, float]:
+    """Time [s] of cuts below the programmed feed, by cause."""
+    return {name: s for name, s in program.by_cause.items() if name not in FREE and s > 0}
+
+
+def _loss(program: SimulatedProgram) -> list[str]:
     """Time lost by cutting below the programmed feed."""
-    known = moves.cutting & np.isfinite(moves.programmed) & np.isfinite(moves.reached)
-    spent = float(moves.time[known].sum())
+    lost = sum(_slowed(program).values())
+    spent = lost + program.by_cause.get("feed", 0.0)
     if spent <= 0:
         return []
-    at_feed = known & (moves.reached >= AT_FEED * moves.programmed)
-    share = percent(float(moves.time[at_feed].sum()), spent)
-    share = "nearly all" if share.startswith(">") else share
-    lost = lost_seconds(moves)
-    if lost is None or lost < 0.005 * spent:
-        return [f"{share} of the cutting time is spent in blocks that reach the programmed feed"]
+    if lost < 0.005 * spent:
+        return ["nearly all of the cutting time is spent at the programmed feed"]
     return [
         f"speeding up and slowing down costs {duration(lost)} of the cutting time "
         f"({percent(lost, spent)}) over a path at the programmed feed throughout"
     ]
 
 
-def lost_seconds(moves: ProgramMoves) -> float | None:
-    """Cutting time above path over programmed feed [s], rotary moves left out; None if no cut."""
-    length = lengths(moves)
-    known = moves.cutting & np.isfinite(moves.programmed) & (length > 1e-6)
-    if not known.any():
-        return None
-    ideal = 60 * length[known] / moves.programmed[known]
-    return float(max(0.0, (moves.time[known] - ideal).sum()))
-
-
 def _binding(program: Program, assumed: Collection[str]) -> str:
     """Greatest loss beside the programmed feed and rapids, and its meaning."""
-    costs = panels.limit_seconds(program.summary)
-    least = WORTH_SAYING * sum(costs.values())
-    bound = {k: v for k, v in costs.items() if k in REMEDIES and v >= least}
+    costs, whole = _slowed(program.summary), sum(program.summary.by_cause.values())
+    bound = {k: v for k, v in costs.items() if k in REMEDIES and v >= WORTH_SAYING * whole}
     if not bound:
         return ""
     worst = max(sorted(bound), key=lambda k: bound[k])
-    share = percent(bound[worst], sum(costs.values()))
     rests = (
         "; the limit behind this is assumed, as the records do not determine it"
         if RESTS_ON.get(worst) in assumed else ""
     )  # fmt: skip
-    return f"for {share} of its time {REMEDIES[worst]}{rests}"
+    return f"for {percent(bound[worst], whole)} of its time {REMEDIES[worst]}{rests}"
 
 
 def _legend(moves: ProgramMoves, classes: Classes) -> list[tuple[str, str, str]]:
@@ -346,7 +347,7 @@ def _timeline(program: Program, classes: Classes, files: list[Source]) -> Figure
     )
     return Figure(
         svg=panels.timeline_figure(shown, classes, words),
-        caption=f"{words}; below, what the axes fall short by, and which tool is in the spindle.",
+        caption=f"{words}; below, what goes on, and which tool is in the spindle.",
         sources=files,
     )
 
@@ -357,7 +358,7 @@ def _bars(
     if not groups:
         return None
     total = program.seconds or sum(bar.seconds for bar in groups[0][1])
-    words = f"Predicted time of {program.name} by {by}"
+    words = f"Predicted time of {program.name} and its share, by {by}"
     return Figure(
         svg=panels.bars_figure(groups, total, words),
         caption=f"{words}.",
@@ -373,16 +374,20 @@ def _overview_table(programs: list[Program], shelf: SourceRegistry) -> Table | N
         return NOT_KNOWN if value is None else number(value)
 
     def at_feed(program: Program) -> str:
-        limits = panels.limit_seconds(program.summary)
-        return percent(limits.get("feed", 0.0), sum(limits.values())) if limits else NOT_KNOWN
+        causes = program.summary.by_cause
+        return percent(causes.get("feed", 0.0), sum(causes.values())) if causes else NOT_KNOWN
 
-    def bound(program: Program) -> str:
-        limits = panels.limit_seconds(program.summary)
-        other = {k: v for k, v in limits.items() if k not in FREE}
+    def most(program: Program) -> str:
+        causes = program.summary.by_cause
+        other = {k: v for k, v in causes.items() if k != "feed"}
         if not other:
             return "–"
-        most = max(sorted(other), key=lambda k: other[k])
-        return f"{panels.limit_words(most)}, {percent(other[most], sum(limits.values()))}"
+        worst = max(sorted(other), key=lambda k: other[k])
+        return f"{panels.cause_words(worst)}, {percent(other[worst], sum(causes.values()))}"
+
+    def advice(program: Program) -> str:
+        first = next(iter(program.summary.advice), None)
+        return "–" if first is None else f"{duration(first.seconds)}: {first.what.split(':')[0]}"
 
     def state(program: Program) -> Cell:
         if program.refused:
@@ -401,7 +406,8 @@ def _overview_table(programs: list[Program], shelf: SourceRegistry) -> Table | N
         Column("blocks", of_read(lambda p: known(p.summary.blocks)), ""),
         Column("tools", lambda p: str(len(_tools(p.summary)) or "–"), ""),
         Column("at the programmed feed", of_read(at_feed), ""),
-        Column("else bound most by", of_read(bound)),
+        Column("costs most else", of_read(most)),
+        Column("would save most", of_read(advice)),
         *([Column("read", state)]
           if any(p.refused or p.summary.violations for p in programs) else []),
     ]  # fmt: skip

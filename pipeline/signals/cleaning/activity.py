@@ -5,9 +5,9 @@ interruption included.  A short loss of data inside is bridged when the same pro
 seconds are in none of the cycle's times.
 
 Segments: ``off`` between the machine's times in operation; ``warm_up`` a spindle that turns without
-load after a cold start, or a program named for it; ``cut`` while a program moves with the load of a
-spindle above its no-load level; ``air`` executing without; ``idle`` the rest.  Seconds of unknown
-execution belong to no segment.
+load after a cold start, up to the first cut or another program, or a program named for it; ``cut``
+while a program moves with the load of a spindle above its no-load level; ``air`` executing without;
+``idle`` the rest.  Seconds of unknown execution belong to no segment.
 """
 
 from collections.abc import Hashable, Mapping
@@ -248,7 +248,7 @@ def segments(
     operation = np.cumsum(np.r_[0, np.diff(time) > settings.off_after_s * NS])
     turning, loaded = _spindles(state, settings)
     kind = _kinds(state, turning, loaded, warm_up_programs)
-    _warm_up(kind, time, operation, turning, settings)
+    _warm_up(kind, time, operation, turning, _words(state, "program"), settings)
     _absorb_short(kind, operation, settings)
     return _runs(kind, time, operation, period)
 
@@ -309,11 +309,13 @@ def _words(state: pd.DataFrame, name: str) -> np.ndarray:
 
 
 def _warm_up(
-    kind: Ints, time: Ints, operation: Ints, turning: Bools, settings: CleanSettings
-) -> None:
+    kind: Ints, time: Ints, operation: Ints, turning: Bools, program: np.ndarray,
+    settings: CleanSettings,
+) -> None:  # fmt: skip
     """Mark turning without load, from a cold start to the first cut, as warm_up; in place.
 
-    Where no cut is seen, the first run of the spindle alone counts.
+    It ends where another program begins: the no-load level of a speed that is only cut at hides its
+    cuts.  Where no cut is seen, the first run of the spindle alone counts.
     """
     cut, known_off = _CUT, settings.cold_after_s * NS
     starts = np.flatnonzero(np.r_[True, np.diff(operation) > 0])
@@ -328,8 +330,17 @@ def _warm_up(
             for a, b in _runs_of(turning[first:until])
             if (b - a) * settings.period_s >= settings.warm_up_min_s
         ]
+        if not long:
+            continue
+        (a, b), *_ = long
+        running = np.where(kind == _AIR, program, "")[first + a : until]
+        own, times = np.unique(running[: b - a][running[: b - a] != ""], return_counts=True)
+        if len(own):
+            begun = np.cumsum(running == own[times.argmax()]) > 0
+            others = np.flatnonzero(begun & (running != "") & (running != own[times.argmax()]))
+            until = first + a + others[0] if len(others) else until
         for a, b in long if len(cuts) else long[:1]:
-            part = kind[first + a : first + b]
+            part = kind[first + a : min(first + b, until)]
             part[part != _UNKNOWN] = _WARM_UP
 
 

@@ -172,7 +172,7 @@ class GrowthFacts:
 
     def _moment(self, case: str, minute: float) -> str:
         start = instant(self._files.get(case, {}).get("first"))
-        return "not dated" if start is None else moment(start + timedelta(minutes=minute))
+        return "an unknown date" if start is None else moment(start + timedelta(minutes=minute))
 
     @cached_property
     def _files(self) -> Mapping[str, Mapping[str, Any]]:

@@ -50,7 +50,7 @@ def sensor_actions(facts: GrowthFacts) -> Iterator[Action]:
         if one.lasts:
             yield Action(
                 what=WORDS("action.dead" if one.kind == DEAD else "action.wrong"),
-                where=f"{one.sensor} ({one.place})",
+                where=f"{one.place[:1].upper()}{one.place[1:]} ({one.sensor})",
                 why=WORDS("action.why", fault=_fault_words(one)),
                 until="next stop", who="maintenance", evidence="growth",
             )  # fmt: skip

@@ -1,7 +1,8 @@
 """Part of the page of tool wear on the tools due: time left, lives of tools, growth of forces."""
 
+from pipeline.charts import svg
 from pipeline.charts.numbers import NOT_KNOWN, TOGETHER, counted, number
-from pipeline.charts.sections import Action, Heading, Section, present
+from pipeline.charts.sections import Action, Heading, Section, drawing, present
 from pipeline.charts.submodel_page import made_from
 from pipeline.charts.tables import Cell, Column, Table, tabulated
 from pipeline.charts.words import page_words
@@ -63,8 +64,39 @@ def due_notes(shown: Shown[WearModel]) -> list[str]:
             for one in due_tools(shown) if one.status != "passed"]  # fmt: skip
 
 
+def due_lead(shown: Shown[WearModel]) -> Section | None:
+    """Tools in use as bars for the machine's own page: used, and left with its 90 % interval."""
+    tools = due_tools(shown)
+    if not tools:
+        return None
+    most = max((one.number(due.TIME) or 0.0) + one.left[2] for one in tools)
+    parts, across = [], 100 / max(most, 1e-9)
+    for row, one in enumerate(tools):
+        used, top = one.number(due.TIME) or 0.0, row * ROW
+        low, middle, high = (across * (used + left) for left in one.left)
+        words = WORDS("lead.bar", used=_minutes(used), span=_span(one.left), todo=todo_words(one))
+        bars = [
+            svg.bar(0, across * used, top + 4, 12, "s-stopped"),
+            svg.bar(across * used, max(middle - across * used, 0), top + 4, 12, "s-active"),
+            svg.tag("line", x1=f"{low:.2f}%", x2=f"{high:.2f}%", y1=top + 10, y2=top + 10,
+                    class_="whisker"),
+        ]  # fmt: skip
+        parts += [svg.tag("g", svg.group([svg.tag("title", f"{one.name}: {words}"), *bars])),
+                  svg.text(0, top + 14, one.name, "name end", dx=-8),
+                  svg.text(100, top + 14, _span(one.left), "tick", dx=8)]  # fmt: skip
+    label = WORDS("lead.label", tools=counted(len(tools), "tool"))
+    drawn = svg.figure(parts, height=len(tools) * ROW + 4, label=label, kind="tools-left")
+    made = made_from(shown, "model.json", "verdict.json")
+    block = drawing(drawn, WORDS("lead.caption"), made, LEGEND, kind="one")
+    return Section(key="tools", title=WORDS("lead.title"), blocks=present(block))
+
+
+ROW = 20  # px of a tool
+LEGEND = [("s-stopped", WORDS("lead.used"), "box"), ("s-active", WORDS("lead.left"), "box")]
+
+
 def due_actions(shown: Shown[WearModel]) -> list[Action]:
-    """Action for each tool in use, the one that is due first at the head."""
+    """Action for each tool that is worn or due soon, the one that is due first at the head."""
     return [
         Action(
             what=WORDS(f"what.{one.status}"),
@@ -75,7 +107,7 @@ def due_actions(shown: Shown[WearModel]) -> list[Action]:
             who="tool room",
             evidence="tools-due",
         )
-        for one in due_tools(shown)
+        for one in due_tools(shown) if one.status != "passed"
     ]  # fmt: skip
 
 

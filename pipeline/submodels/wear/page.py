@@ -15,6 +15,7 @@ from pipeline.submodels.contract import Shown
 from pipeline.submodels.wear.due_page import (
     due_actions,
     due_key_figures,
+    due_lead,
     due_notes,
     due_section,
     due_truth,
@@ -47,6 +48,7 @@ def content(shown: Seen) -> PageContent:
         head=[*_accuracy(shown), *due_key_figures(shown)],
         notes=due_notes(shown),
         actions=due_actions(shown),
+        lead=due_lead(shown),
         meaning=lambda group, name: WORDS.meaning(group, LIFE if name.startswith(LIFE) else name),
         tried=[] if model is None else list(_tried(shown, model)),
         drawn=[Drawn(quantity=quantity, axis=use, factor=1 / 60.0 if timed else 1.0,

@@ -2,16 +2,17 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from pipeline.report.verdict import ORDER
+from pipeline.charts.sources import SourceRegistry
 from pipeline.schema.verdict import Fact
 from pipeline.submodels.wear import due
 from pipeline.submodels.wear.due import DueTool, Estimate, due_facts, fit_lasting, left_names
-from pipeline.submodels.wear.due_page import due_actions, todo_words
+from pipeline.submodels.wear.due_page import due_actions, due_lead, todo_words
 from pipeline.submodels.wear.life import LifeLaw, fit_life, uses
 from tests.submodels.wear.shop_lives import followed, life_settings, tools, windows
 
@@ -98,20 +99,25 @@ def test_what_to_do_follows_the_least_time_left(
     assert tool.status == status and words in todo_words(tool).replace("\u00a0", " ")
 
 
-def test_each_tool_in_use_is_an_action_the_one_that_is_due_first_at_the_head() -> None:
+def test_tools_that_are_due_are_actions_and_every_tool_in_use_is_a_bar() -> None:
     cases = tuple(
         SimpleNamespace(case=name, facts=told(*left) | {
-            due.LIFE: Fact(value=100.0, unit="min"), due.IN_USE: Fact(value="yes")})
+            due.LIFE: Fact(value=100.0, unit="min"), due.TIME: Fact(value=50.0, unit="min"),
+            due.IN_USE: Fact(value="yes")})
         for name, left in (("T1", (40.0, 60.0, 90.0)), ("T2", (5.0, 12.0, 20.0)))
     )  # fmt: skip
-    shown = SimpleNamespace(verdict=SimpleNamespace(cases=cases, status="failed"))
+    shown = SimpleNamespace(
+        verdict=SimpleNamespace(cases=cases, status="failed"), shelf=SourceRegistry(),
+        folder=Path("data/models/m/wear"),
+    )  # fmt: skip
     actions = due_actions(shown)  # type: ignore[arg-type]
     rows = [(one.where, one.until.replace("\u00a0", " "), one.who) for one in actions]
-    assert rows == [
-        ("Tool T2", "within 5.0 min of cutting", "tool room"),
-        ("Tool T1", "within 20 min of cutting", "tool room"),
-    ]
-    assert ORDER[:2] == ("tool room", "maintenance")
+    assert rows == [("Tool T2", "within 5.0 min of cutting", "tool room")]
+    bars = due_lead(shown)  # type: ignore[arg-type]
+    assert bars is not None
+    drawn = str(bars.blocks[0].figures[0].svg)  # type: ignore[union-attr]
+    assert drawn.index("T2:") < drawn.index("T1:")  # the one that is due first stands first
+    assert 'width="35.71%"' in drawn and 'x2="100.00%"' in drawn  # used 50 of 50 + 90 min
 
 
 def test_signals_count_where_they_are_more_precise_and_their_model_passed() -> None:
