@@ -18,12 +18,12 @@ from pipeline.schema.twin_state import day_path
 UNITS = {"CELSIUS": "°C", "WATT": "W", "PERCENT": "%", "SECOND": "s", "MILLIMETER": "mm"}
 MOST = 4
 """Quantities in the figure."""
-CURVES = {"measured": "measured", "estimated": "window", "previous": "mean"}
+CURVES = {"measured": "measured", "estimated": "window", "previous": "speed"}
 """Look of each curve; the part's is ``free``."""
 LEGEND = [
     ("l-measured", "measured", "line"), ("l-window", "champion", "line"),
     ("s-band", "its 90 % interval", "box"), ("l-free", "with the best part replaced", "line"),
-    ("l-mean", "version before", "line"),
+    ("l-speed", "version before", "line"),
 ]  # fmt: skip
 
 
@@ -48,8 +48,8 @@ def write_replay_page(found: Replay, folder: Path, out: Path, made: Made) -> Non
         status="attention" if found.stands else "passed",
         word=" or ".join(found.named) or ("not explained" if found.stands else "as expected"),
         sentences=[f"{found.sentence[:1].upper()}{found.sentence[1:]}."],
-        key_figures=[("Version that serves", str(found.version), ""),
-                     ("Version before", str(found.previous or NOT_KNOWN), "")],
+        key_figures=[("Version that serves", str(found.version or NOT_KNOWN), ""),
+                     ("Version before", str(found.previous or "none"), "")],
         sections=[
             Section(key="replay", title="What was measured, and what the models say",
                     blocks=present(drawing(figure, caption, source, LEGEND))),

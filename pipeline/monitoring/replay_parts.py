@@ -56,7 +56,7 @@ def parts_of(
         name: _times(series[name]) for name in (FREE, CUT) if name in series
     }
     if friction:
-        yield Part("cutting", "no-load power", ("× no-load power", "ln a day"), friction)
+        yield Part("cutting", "no-load power", ("× no-load power", "× a day"), friction)
     if (cut := series.get(CUT)) is not None:
         here = cut[masks[CUT]] if CUT in masks else cut
         off = (here["measured"] - here["estimated"]).abs() / (here["high"] - here["estimated"])
@@ -138,10 +138,10 @@ def _thermal(
         ln = {name: p[k] for k, some in enumerate((sinks, BEARINGS, LOAD)) for name in some}
         return thermal.estimate(lambda t: thermal.scaled(0.0 if records.ambient else p[3], **ln))
 
-    words = ("× no-load power", "ln a day of that") if friction else ()
-    yield Part("spindle", "cooling", ("× cooling", "ln a day"),
+    words = ("× no-load power", "× a day of that") if friction else ()
+    yield Part("spindle", "cooling", ("× cooling", "× a day"),
                {TEMPERATURE: lambda p: grown(p, sinks)})  # fmt: skip
-    yield Part("spindle", "bearings", ("× friction heat", "ln a day", *words), {
+    yield Part("spindle", "bearings", ("× friction heat", "× a day", *words), {
         TEMPERATURE: lambda p: grown(p, BEARINGS),
         **{name: _after(one, 2) for name, one in friction.items()},
     })  # fmt: skip
