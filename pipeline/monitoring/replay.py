@@ -249,7 +249,9 @@ def standing_of(series: Series, span: tuple[float, float], known_good: Sequence[
         if found[name].stands:
             masks[name] = np.isin(np.arange(len(t)), here[first:after])
     times = [series[name]["t"].to_numpy(float)[mask] for name, mask in masks.items()]
-    begin, end = (min(map(min, times)), max(map(max, times))) if times else (0.0, -1.0)
+    if not times:
+        return Standing(series=series, quantities=found, masks={})
+    begin, end = min(map(min, times)), max(map(max, times))
     for name in found.keys() - masks:
         t = series[name]["t"].to_numpy(float)
         masks |= {name: mask} if (mask := (t >= begin) & (t <= end)).any() else {}

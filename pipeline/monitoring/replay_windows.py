@@ -86,11 +86,8 @@ def _of_day(
     warm = state[f"{TEMPERATURE}_measured"].dropna()
     air = pd.Series(number_of(clean, "ambient_temperature"), index=state.index)[warm.index]
     air = air if air.notna().any() else air.fillna(0.0)
-    first = (
-        pd.DataFrame({"measured": warm - air, "air": air})
-        .dropna()
-        .iloc[[0] * 60 if len(warm) else []]
-    )
+    first = pd.DataFrame({"measured": warm - air, "air": air}).dropna().iloc[:1]
+    first = pd.concat([first] * 60)  # it counts like half an hour of windows
     yield MORNING, first.assign(t=_ns(first.index) / NS, own=1.0, seconds=0.0, any=0)
     for axis in AXES:
         v, percent = (number_of(clean, f"{axis}_{what}") for what in ("feedrate", "load"))

@@ -210,6 +210,9 @@ def test_what_cannot_be_replayed_is_one_sentence(root: Path, tmp_path: Path) -> 
     assert "does not go from a day to a later one" in said("2026-01-22", "2026-01-21")
     assert "does not go from a day" in said("2026-01-21", "2026-01-22", "--with", "2026-01-19")
     assert "has nothing to compare" in said("2026-01-22T20:00", "2026-01-22T21:00")
+    days = {day: replace(one, role="held_out") for day, one in known.days.items()}
+    write_json(replace(known, days=days), state)
+    assert "has nothing to compare" in said("2026-01-21", "2026-01-22")
     write_json(replace(known, bundle="another"), state)
     assert f"dvc repro state@{MACHINE}" in said("2026-01-21", "2026-01-22")
     write_json(replace(known, days={}), state)
