@@ -22,7 +22,7 @@ from sklearn.ensemble import RandomForestRegressor
 from pipeline.fleet import Fleet
 from pipeline.registry.store import DATABASE, client_of, exists
 from pipeline.schema.forest import Trees
-from pipeline.schema.golden import Days, FrozenSet, GoldenSets, write_golden
+from pipeline.schema.golden import Days, FrozenSet, GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Correlation, Parameter, SourceFile, Training
 from pipeline.schema.store import write_json
@@ -88,7 +88,7 @@ def project(root: Path, golden: Sequence[str] = GOLDEN, sealed: bool = False) ->
         if sealed
         else None,
     )
-    write_golden(sets, root / f"data/golden/{MACHINE}.json")
+    write_json(sets, root / f"data/golden/{MACHINE}.json")
     return root
 
 

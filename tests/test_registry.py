@@ -39,11 +39,10 @@ from pipeline.schema.bundle import (
     Champions,
     bundle_of,
     read_champions,
-    write_champions,
 )
 from pipeline.schema.decision import Decision
 from pipeline.schema.history import document_of
-from pipeline.schema.store import read_json
+from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Status, Verdict
 from pipeline.submodels.contract import submodel, submodels
 from pipeline.twin.spindle import TARGET
@@ -487,7 +486,7 @@ def test_a_store_that_is_none_is_named(tmp_path: Path) -> None:
 def test_a_better_challenger_is_promoted_and_the_champion_can_come_back(root: Path) -> None:
     first = champion_of(MACHINE, root)
     assert first is not None
-    write_champions(Champions().promoted("mill09", first), root / CHAMPIONS)
+    write_json(Champions().promoted("mill09", first), root / CHAMPIONS)
     now = promote(MACHINE, root, why="warmer oil", by="Kim", now=NOON)
     newest = bundle_of(root / MODELS, MACHINE, ["spindle"])
     assert (now.version, now.bundle, now.by, now.why) == (2, newest.sha256, "Kim", "warmer oil")
@@ -709,10 +708,10 @@ def test_a_champion_that_lies_nowhere_is_named(root: Path) -> None:
     first = champion_of(MACHINE, root)
     assert first is not None
     lost = replace(first, version=7, bundle="0" * 64, by="somebody")
-    write_champions(Champions().promoted(MACHINE, lost), root / CHAMPIONS)
+    write_json(Champions().promoted(MACHINE, lost), root / CHAMPIONS)
     with pytest.raises(ValueError, match=r"bundle 000000000000, which serves mill01 .*`dvc pull"):
         registered(root)
-    write_champions(Champions(), root / CHAMPIONS)
+    write_json(Champions(), root / CHAMPIONS)
     registered(root)
     assert champion_of(MACHINE, root) == first
 

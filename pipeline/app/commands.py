@@ -56,8 +56,7 @@ def ingest(
             kept, read = sum(r.kept for r in results), sum(r.read for r in results)
             found.add(f"{kept} of {read} records kept")
         to.json([asdict(r) | {"path": typer.format_filename(r.path)} for r in results], json)
-        for line in _ingested(results, out):
-            to.say(line)
+        to.say(*_ingested(results, out))
     for r in results:
         for said in filter(None, (r.reason, r.note)):
             typer.echo(f"kerf: {typer.format_filename(r.path)}: {said}", err=True)
@@ -86,8 +85,7 @@ def status(json: kerf.Json = None) -> None:
         rows = fleet_status()
         to.json(rows, json)
         heads = list(rows[0]) if rows else []
-        for line in aligned([heads, *([*row.values()] for row in rows)], words=len(heads)):
-            to.say(line)
+        to.say(*aligned([heads, *([*row.values()] for row in rows)], words=len(heads)))
 
 
 @app.command(rich_help_panel=kerf.PROJECT)
@@ -124,8 +122,7 @@ def verify(
         seed = secrets.randbelow(10**6) if seed is None else seed
         found = verify_all(pages, sample, seed)
         to.json([asdict(one) for one in found], json)
-        for line in said(found):
-            to.say(line)
+        to.say(*said(found))
         if sample is not None:
             to.say(f"drawn by --seed {seed}")
     if any(one.failed for one in found):
@@ -228,8 +225,7 @@ def golden(
         if not (first or last or files or sealed):
             found = frozen_cases(machine)
             to.json(found, json)
-            for line in frozen_text(found):
-                to.say(line)
+            to.say(*frozen_text(found))
             return
         frozen = chosen_set(machine, first=first, last=last, files=files or ())
         freeze(machine, {"sealed" if sealed else "golden": frozen}, asked)
@@ -254,8 +250,7 @@ def nightly(
         with kerf.progress_line(f"scoring the nights of {machine}"):
             nights = score(machine)
         to.json([asdict(one) for one in nights], json)
-        for line in lines(machine, nights):
-            to.say(line)
+        to.say(*lines(machine, nights))
     raise typer.Exit(ASKS if asks(nights) else QUIET)
 
 
@@ -275,8 +270,7 @@ def predict(
         file = to.file(out, ".csv") or out
         rows, unknown = predict_table(machine, submodel, table, file, model, anyway=anyway)
         to.say(f"wrote {many(rows, 'row')} to {to.names(file)}")
-        for why in unknown:
-            to.say(why)
+        to.say(*unknown)
 
 
 @app.command(rich_help_panel=kerf.MODELS)
@@ -312,8 +306,7 @@ def thermal_growth(
     with one_sentence(), outputs() as to:
         file = to.file(out) or out
         done = write_thermal_growth(machine, file, format, model, anyway=anyway)
-        for line in said(done, Path(to.names(file)), format):
-            to.say(line)
+        to.say(*said(done, Path(to.names(file)), format))
 
 
 @app.command(rich_help_panel=kerf.MODELS)
@@ -332,8 +325,7 @@ def wear(
         to.ready(json, *files)
         told = wear_of_files(files, machine, model, conditions or (), anyway=anyway)
         to.json(asdict(told), json)
-        for line in said(told):
-            to.say(line)
+        to.say(*said(told))
 
 
 @app.command(rich_help_panel=kerf.MODELS)
@@ -440,13 +432,11 @@ def records(
         if helpful:
             found = next_of(machine)
             to.json({name: [asdict(one) for one in some] for name, some in found.items()}, json)
-            for line in next_lines(found):
-                to.say(line)
+            to.say(*next_lines(found))
             return
         rows = records_of(machine)
         to.json([asdict(row) for row in rows], json)
-        for line in lines(rows):
-            to.say(line)
+        to.say(*lines(rows))
 
 
 @app.command("part-record", rich_help_panel=kerf.RECORDS)
@@ -467,5 +457,4 @@ def part_record(
             path = out / f"{machine}_{one.start[:10]}_{one.cycle}.json"
             to.ready(path)
             to.json(asdict(one), path)
-        for line in lines(found):
-            to.say(line)
+        to.say(*lines(found))

@@ -13,8 +13,8 @@ from pipeline.champions.serving import history_of
 from pipeline.parameters import structure
 from pipeline.schema.bundle import VERDICT
 from pipeline.schema.days import UTC, day_of_text
-from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden, write_golden
-from pipeline.schema.store import read_json
+from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden
+from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Role, Verdict
 
 
@@ -93,7 +93,7 @@ def freeze(
     for words in filter(None, replaced):
         LOG.warning("%s", words)
     if frozen:
-        write_golden(after, path)
+        write_json(after, path)
 
 
 def shared(one: FrozenSet, other: FrozenSet, known: Mapping[str, Mapping[str, Any]]) -> str:

@@ -44,8 +44,7 @@ def promote(
         if dry_run:
             decision = judged(machine, to=to, anyway=anyway)
             written.json(asdict(decision), json)
-            for line in (*_rules(decision.rules), *_serves(decision)):
-                written.say(line)
+            written.say(*_rules(decision.rules), *_serves(decision))
             number = decision.challenger.version
             which = f"version {number}" if number else "the newest bundle, not registered yet,"
             may = "may serve" if decision.may_serve else "may not serve"
@@ -67,10 +66,8 @@ def promote(
                 written.json({"machine": machine} | asdict(champion), json)
                 if decision.overridden:
                     written.say(f"{machine}: against the rules, by --anyway:")
-                    for line in _rules(decision.against):
-                        written.say(line)
-                for line in _serves(decision):
-                    written.say(line)
+                    written.say(*_rules(decision.against))
+                written.say(*_serves(decision))
                 written.say(f"{machine}: version {champion.version} is champion; {COMMIT}")
     if not decision.promoted:
         raise typer.Exit(1)
@@ -140,8 +137,7 @@ def history(
         rows = history_rows(machine, at)
         written.json(rows, json)
         heads = list(rows[0]) if rows else []
-        for line in aligned([heads, *([*row.values()] for row in rows)], words=len(heads)):
-            written.say(line)
+        written.say(*aligned([heads, *([*row.values()] for row in rows)], words=len(heads)))
 
 
 @app.command(rich_help_panel=kerf.MODELS)

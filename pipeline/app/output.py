@@ -64,9 +64,10 @@ class Outputs:
                 text = json.dumps(document, indent=1, ensure_ascii=False)
                 part.write_text(f"{text}\n", encoding="utf-8")
 
-    def say(self, line: str) -> None:
-        """Say a line, on standard error where standard output holds a document."""
-        typer.echo(line, err=self.taken is not None)
+    def say(self, *lines: str) -> None:
+        """Say lines, on standard error where standard output holds a document."""
+        for line in lines:
+            typer.echo(line, err=self.taken is not None)
 
     def names(self, *paths: Path | None) -> str:
         """Files that were written, by the names that they were given."""

@@ -80,8 +80,7 @@ def interpret(
         if at is not None:
             found = restart_at(program_at(program), setup_beside(setup, program), at)
             to.json(asdict(found), json, program)
-            for text in restart_lines(found):
-                to.say(text)
+            to.say(*restart_lines(found))
         if out is None:
             return
         file = to.file(out, ".csv") or out
@@ -91,8 +90,7 @@ def interpret(
             parts = moves_in_parts(program, setup, share, ROWS_AT_ONCE)
             count, length, notices = write_moves(parts, file)
             taken.add(f"{count} moves, wrote {to.names(file)}")
-        for note in (*notes, *notices):
-            to.say(note)
+        to.say(*notes, *notices)
         to.say(f"{count} moves, {length:.3f} mm, wrote {to.names(file)}")
 
 
@@ -143,8 +141,7 @@ def simulate(
             out=to.file(out, ".parquet"), json=to.file(json), page=to.file(page),
             corrected_to=to.file(corrected_to, ".csv"), cut=cut,
         )  # fmt: skip
-        for line in simulate_lines(*simulate_and_write(request, to.taken), request):
-            to.say(line)
+        to.say(*simulate_lines(*simulate_and_write(request, to.taken), request))
 
 
 @app.command(rich_help_panel=kerf.PROGRAMS)
@@ -177,8 +174,7 @@ def preflight(
         to.json({"program": program.name, "machine": machine} | asdict(found), json, program)
         if not found.violations:
             to.say(f"{program.name} stays inside of what {machine} lists")
-        for line in (*preflight_lines(found, program, machine), *clearance_lines(found)):
-            to.say(line)
+        to.say(*preflight_lines(found, program, machine), *clearance_lines(found))
     if found.violations:
         raise typer.Exit(1)
 
@@ -246,8 +242,7 @@ def check(
             warnings += range_lines(after, moves, tool_table, material)
         document = asdict(proof) | {"warnings": [*reach, *warnings]}
         to.json(document, json, before, after)
-        for line in (*reach, *check_lines(proof, before, after), *warnings):
-            to.say(line)
+        to.say(*reach, *check_lines(proof, before, after), *warnings)
     if not proof.same:
         raise typer.Exit(1)
 
@@ -359,8 +354,7 @@ def optimise(
         on = machine_control(machine, unit, model)
         request = request_of(on, program, cut, search.settings(on.optimisation))
         checked = on.preflight(request.moves)
-        for line in beyond_lines(checked, program, machine):
-            to.say(line)
+        to.say(*beyond_lines(checked, program, machine))
         try:
             with interruptible(_ending) as ending:  # the best so far is written whole too
                 with stages_bar() as bar, step(f"optimised {program}"):
@@ -372,8 +366,7 @@ def optimise(
         except KeyboardInterrupt as error:
             typer.echo("kerf: interrupted, nothing is written", err=True)
             raise typer.Exit(130) from error
-        for line in (*not_checked_lines(checked, machine), *optimise_lines(part)):
-            to.say(line)
+        to.say(*not_checked_lines(checked, machine), *optimise_lines(part))
         to.say(f"wrote {to.names(written, *shown)}")
     if part.interrupted:
         raise typer.Exit(130)
@@ -402,7 +395,6 @@ def chatter(
         to.ready(json, file)
         found = chatter_of(file, teeth, speed, channels=channel or (), rate=rate, machine=machine)
         to.json(document(found), json)
-        for line in said(found):
-            to.say(line)
+        to.say(*said(found))
     if status := STATUSES[found.verdict.verdict]:
         raise typer.Exit(status)

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from pipeline.parameters import SETTINGS
 from pipeline.registry.provenance import CHAMPIONS
-from pipeline.schema.bundle import Champions, write_champions
-from pipeline.schema.store import write_text
+from pipeline.schema.bundle import Champions
+from pipeline.schema.store import write_json, write_text
 from pipeline.stages.compose import compose
 
 CODE = "kerf-version"
@@ -39,7 +39,7 @@ def new_project(folder: Path) -> str:
         first = (source / "conf/fleet/demo.yaml").read_text(encoding="utf-8")
         write_text(first, folder / "conf/fleet/active.yaml")
         write_text("\n".join(IGNORED) + "\n", folder / ".gitignore")
-        write_champions(Champions(), folder / CHAMPIONS)
+        write_json(Champions(), folder / CHAMPIONS)
         _set_up_dvc(folder)
         # `kerf status` reads them
         compose(folder / "conf", folder / "params.yaml", folder / SETTINGS)

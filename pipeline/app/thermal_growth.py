@@ -6,12 +6,11 @@ from typing import Any
 
 from pipeline.app.fleet import DATA, machine_parameters
 from pipeline.app.programs import model_lines, passed_status, stored_model
-from pipeline.parameters import structure
 from pipeline.schema.files import replacing
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 from pipeline.submodels.cases import Records
-from pipeline.submodels.contract import sections
+from pipeline.submodels.contract import judging_of
 from pipeline.submodels.deformation.control_text import (
     CONTROLS,
     Written,
@@ -70,12 +69,7 @@ def _judged(folder: Path, *, anyway: bool) -> str:
 
 
 def _training(machine: str, parameters: dict[str, Any], growth: GrowthModel) -> list[State]:
-    wanted = sections(SUBMODEL.judging)
-    own = parameters["machine"][machine]
-    settings = SUBMODEL.judging(**{
-        name: structure(own if name in own else parameters, name, kind)
-        for name, kind in wanted.items()
-    })  # fmt: skip
+    settings = judging_of(SUBMODEL, parameters, machine)
     learnt = {one.case for one in growth.file.trained_on}
     cases = SUBMODEL.cases(Records(signals=DATA / "signals" / machine), settings).cases
     return [one.load().state for one in cases if one.name in learnt]

@@ -17,7 +17,7 @@ from pipeline.charts.numbers import NARROW, as_stated, counted, day_list, fixed,
 from pipeline.charts.sections import Figure, Figures, Section
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import Column, Table, tabulated
-from pipeline.parameters import section_path, structure
+from pipeline.parameters import structure
 from pipeline.report.provenance import UNKNOWN, Made
 from pipeline.report.standalone_page import StandalonePage, rendered, source_of
 from pipeline.schema.arrays import Floats
@@ -25,13 +25,12 @@ from pipeline.schema.files import together
 from pipeline.schema.golden import read_golden
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.store import read_json, write_json
-from pipeline.signals.windows import StateSegment
-from pipeline.submodels.cases import Case, Records
-from pipeline.submodels.contract import sections
+from pipeline.submodels.cases import Records
+from pipeline.submodels.contract import settings_of
 from pipeline.submodels.spindle.fit import sensor_step
-from pipeline.submodels.spindle.submodel import SUBMODEL
+from pipeline.submodels.spindle.submodel import SUBMODEL, Fitting, pieces_of
 from pipeline.submodels.spindle.transfer import Transfer, TransferPoint, TransferSettings, transfer
-from pipeline.twin.spindle import TARGET, SpindleModelFile, SpindleRecords, spindle_stretches
+from pipeline.twin.spindle import TARGET, SpindleModelFile
 
 TOP, HEIGHT = 26.0, 250.0
 """Place of the curves below the figure's upper edge, and their height [px]."""
@@ -68,30 +67,22 @@ def transfer_curve(
             needed = outside_fleet(whose) or f"run `dvc repro {stage}@{whose}`"
             raise ValueError(f"{file} does not exist: {needed}")
     model = read_json(path, SpindleModelFile)
-    given: dict[str, Any] = {
-        name: structure(values, section_path(values, name, machine), kind)
-        for name, kind in sections(SUBMODEL.fitting).items()
-    }
-    settings = SUBMODEL.fitting(**given)
+    settings = settings_of(Fitting, values, machine)
+    fitting = settings.spindle_fit
     siblings = _siblings(_identity(theirs, golden).type, model, {machine, golden})
     model = replace(model, records=_shared(model, settings, machine))
     records = Records(manifest=manifest, clean=clean)
     cases = SUBMODEL.cases(records, settings, read_golden(sets))
     training = sorted(cases.of("training"), key=lambda case: case.name)
-
-    def pieces(chosen: list[Case], bridge_s: float) -> list[StateSegment]:
-        fitting = settings.spindle_fit
-        return _pieces(chosen, model.records, fitting.step_s, bridge_s, fitting.shortest_s)
-
     measured = np.concatenate(
         [case.load()[TARGET].to_numpy(float) for case in training] or [np.empty(0)]
     )
     origins = (model.origin, settings.identity.origin)
     found = transfer(
         model, machine, "simulated" if "simulated" in origins else "recorded",
-        pieces(training, settings.spindle_fit.bridge_s),
-        pieces(list(cases.of("held_out", "golden")), np.inf),
-        own=settings.spindle, resolution_K=sensor_step(measured), fitting=settings.spindle_fit,
+        pieces_of(training, model.records, fitting),
+        pieces_of(cases.of("held_out", "golden"), model.records, fitting, bridge_s=np.inf),
+        own=settings.spindle, resolution_K=sensor_step(measured), fitting=fitting,
         settings=TransferSettings(between_machines=between), siblings=siblings,
     )  # fmt: skip
     with together():
@@ -120,18 +111,6 @@ def _siblings(kind: str, model: SpindleModelFile, without: set[str]) -> list[Spi
 
 def _identity(values: dict[str, Any], machine: str) -> MachineIdentity:
     return structure(values, f"machine.{machine}.identity", MachineIdentity)
-
-
-def _pieces(
-    chosen: list[Case], records: SpindleRecords, step: float, bridge_s: float, shortest_s: float
-) -> list[StateSegment]:
-    return [
-        piece
-        for case in chosen
-        for piece in spindle_stretches(
-            case.load(), case.name, records, step=step, bridge_s=bridge_s, shortest_s=shortest_s
-        )
-    ]
 
 
 def _credit(values: dict[str, Any], machine: str) -> str:

@@ -34,7 +34,7 @@ from pipeline.registry.loading import delete_version
 from pipeline.registry.provenance import CHAMPIONS, git
 from pipeline.registry.sqlite import Version
 from pipeline.registry.store import is_shared, name_versions, offline, versions
-from pipeline.schema.bundle import Champion, read_champions, stored_bundle, write_champions
+from pipeline.schema.bundle import Champion, read_champions, stored_bundle
 from pipeline.schema.decision import Decision
 from pipeline.schema.files import remove_folder
 from pipeline.schema.history import (
@@ -50,7 +50,7 @@ from pipeline.schema.history import (
     standing,
     write_history,
 )
-from pipeline.schema.store import json_text, read_json, write_text
+from pipeline.schema.store import json_text, read_json, write_json, write_text
 
 REFERENCE = "reference"
 """Alias of a version that is kept as a reference."""
@@ -338,7 +338,7 @@ def _note_present(machine: str, root: Path) -> None:
         for last in served(entries)[-1:]:
             wanted = champions.promoted(machine, champion_in(last), entries[-1].sha256)
             if wanted != champions:
-                write_champions(wanted, root / CHAMPIONS)
+                write_json(wanted, root / CHAMPIONS)
 
 
 def _beginning(machine: str, root: Path) -> tuple[Entry, ...]:

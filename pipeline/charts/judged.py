@@ -316,7 +316,7 @@ class Tried:
 
 
 def tried_table(
-    caption: str, tried: Sequence[Tried], made: Sequence[Source], where: str, note: str = ""
+    caption: str, tried: Sequence[Tried], made: Sequence[Source], where: str
 ) -> Table | None:
     """Table of all that was tried, least error first by task; ``where``: records of the error."""
     order = list(dict.fromkeys(one.task for one in tried))
@@ -338,7 +338,7 @@ def tried_table(
         columns.append(Column(
             "evaluations", lambda one: number(one.evaluations) if one.evaluations else "–", ""
         ))  # fmt: skip
-    return tabulated(caption, rows, columns, made, note=note)
+    return tabulated(caption, rows, columns, made)
 
 
 def _later(one: Tried, name: str) -> str:

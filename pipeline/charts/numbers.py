@@ -197,11 +197,6 @@ def tenths(value: Any) -> str:
     return fixed(value, 1)
 
 
-def rounded(value: Any) -> str:
-    """``value`` with two significant digits."""
-    return number(value, 2)
-
-
 def relative(value: Any, shown: Callable[[float], str] = tenths, unit: str = "") -> str:
     """A share [%] of what was measured, or is true, as ``shown`` writes it; a dash without one.
 

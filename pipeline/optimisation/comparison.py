@@ -27,7 +27,7 @@ from pipeline.schema.limits import BY_TOOL, CutLimit
 from pipeline.schema.part import LoadTrace
 from pipeline.twin.cut.document import AssessedCut
 from pipeline.twin.cut.loads import Cut
-from pipeline.twin.cut.tables import stations_of_columns
+from pipeline.twin.cut.tables import stations_of_columns, tool_stretches
 
 if TYPE_CHECKING:
     from pipeline.optimisation.full_twin import Result
@@ -142,13 +142,8 @@ def tool_spans(cut: Cut) -> tuple[tuple[int, float, float], ...]:
     fed = np.flatnonzero(pieces.feed)
     if not len(fed) or total <= 0:
         return ()
-    tool = pieces.tool[fed]
-    edges = np.flatnonzero(np.diff(tool, prepend=tool[0] - 1))
-    ends = [*(begin[fed[edges[1:]]] / total).tolist(), 1.0]
-    return tuple(
-        (cut.numbers[int(tool[k])], round(float(begin[fed[k]] / total), 5), round(end, 5))
-        for k, end in zip(edges.tolist(), ends, strict=True)
-    )
+    stretches = tool_stretches(pieces.tool[fed], begin[fed], total)
+    return tuple((cut.numbers[tool], first, last) for tool, first, last in stretches)
 
 
 def alike_runs(rows: Rows, *columns: NDArray[np.generic]) -> list[Rows]:

@@ -33,7 +33,7 @@ from pipeline.schema import part as stored
 from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.files import together
 from pipeline.schema.limits import by_tool_words
-from pipeline.schema.part import OptimisedPart, Totals, write_part
+from pipeline.schema.part import OptimisedPart, Totals, part_values
 from pipeline.schema.program_cut import (
     AS_WRITTEN,
     CutProgram,
@@ -463,7 +463,7 @@ def write_program(label: str, before: bytes, after: bytes, part: OptimisedPart, 
     with together():
         write_bytes(before, out / f"{label}.before.nc")
         write_bytes(after, out / f"{label}.nc")
-        write_part(part, out / f"{label}.json")
+        write_json(part_values(part), out / f"{label}.json")
 
 
 def write_as_written(of: Part, result: Result, part: OptimisedPart, out: Path) -> None:

@@ -1,20 +1,29 @@
-"""Condition over weeks on the page of records: the newest kept report beside the one before."""
+"""Condition over weeks: the newest kept report beside the one before; twelve as small curves."""
 
 from collections.abc import Callable, Mapping, Sequence
+from datetime import date
 
+import numpy as np
+from markupsafe import Markup
+
+from pipeline.charts.bands import Axis, Strip, strips_figure
 from pipeline.charts.numbers import NARROW, NOT_KNOWN, counted, fixed, joined, number, signed
-from pipeline.charts.sections import Section, present
+from pipeline.charts.sections import Figure, Figures, Section, present
 from pipeline.charts.sources import Source, SourceRegistry
 from pipeline.charts.tables import Cell, Column, sources, tabulated
 from pipeline.report.folders import MachineFolders
+from pipeline.report.texts import Texts
+from pipeline.schema.arrays import Floats
 from pipeline.schema.condition import Condition, WeekReport
 
 MADE_FROM = "data/twin_state, data/clean and data/ledger, by the stage condition"
 NONE = "–"
 MOST_WEEKS = 12
 """Weeks that pages look back."""
-STATUS = {"fine": "passed", "watch": "attention", "act": "failed", "not assessed": "unknown"}
-"""Shape and colour of a state."""
+SHOWN_CONDITIONS = 6
+"""Quantities over twelve weeks, those beyond a line first."""
+STATUS = {"act": "failed", "watch": "attention", "fine": "passed", "not assessed": "unknown"}
+"""Shape and colour of a state, the gravest first."""
 
 
 def condition_section(folders: MachineFolders, shelf: SourceRegistry) -> Section | None:
@@ -56,6 +65,80 @@ def week_sources(
     if folders.condition is None:
         return []
     return sources(shelf, *(folders.condition / f"{one.week}.json" for one in reports))
+
+
+def first_of(week: str) -> date:
+    """Monday of a calendar week.
+
+    >>> first_of("2026-W04").isoformat()
+    '2026-01-19'
+    """
+    return date.fromisocalendar(int(week[:4]), int(week[6:]), 1)
+
+
+def weeks_section(
+    folders: MachineFolders, shelf: SourceRegistry, reports: Sequence[WeekReport], say: Texts
+) -> Section | None:
+    """Quantities of the newest report over twelve weeks, those beyond a line first."""
+    known = [one for one in reports[-1].conditions if one.value is not None] if reports else []
+    if not known:
+        return None
+    order = [*STATUS, "no line"]
+    chosen = sorted(known, key=lambda one: (order.index(one.state), one.kind == "cycle_time"))[
+        :SHOWN_CONDITIONS
+    ]
+    made = week_sources(folders, shelf, reports)
+    figures = [
+        Figure(svg=_small(reports, one), caption=_small_words(reports, one, say), sources=made,
+               status=STATUS.get(one.state, ""), status_words=(
+                   say(f"component.{one.state.replace(' ', '_')}") if one.state in STATUS else ""))
+        for one in chosen
+    ]  # fmt: skip
+    kept = sum(_place(reports, report) >= 0 for report in reports)
+    return Section(
+        key="weeks", title=say("weeks.title", count=kept, all=MOST_WEEKS),
+        blocks=[Figures(figures=figures, kind="small")],
+    )  # fmt: skip
+
+
+def _place(reports: Sequence[WeekReport], report: WeekReport) -> int:
+    """Place of a report among the twelve weeks up to the newest; negative where it is older."""
+    since = first_of(reports[-1].week) - first_of(report.week)
+    return MOST_WEEKS - 1 - since.days // 7
+
+
+def _course(reports: Sequence[WeekReport], one: Condition) -> Floats:
+    """Values of a quantity in the twelve weeks up to the newest, shape (12,)."""
+    values = np.full(MOST_WEEKS, np.nan)
+    for report in reports:
+        place = _place(reports, report)
+        same = [other.value for other in report.conditions if other.key == one.key]
+        if place >= 0 and same and same[0] is not None:
+            values[place] = same[0]
+    return values
+
+
+def _small(reports: Sequence[WeekReport], one: Condition) -> Markup:
+    values = _course(reports, one)
+    weeks = Axis(words="", span=(0.0, MOST_WEEKS - 1.0), marks=[])
+    lines = [line for line in (one.alert, one.alarm) if line is not None]
+    x = np.arange(MOST_WEEKS, dtype=float)
+    strip = Strip(
+        head="", height=28.0, curves=[("measured", x, values)], levels=lines,
+        dots=[("p-passed", x[-1:], values[-1:])], zero=not lines,
+    )  # fmt: skip
+    return strips_figure([strip], weeks, f"{one.component}, {one.what}", kind="week-small")
+
+
+def _small_words(reports: Sequence[WeekReport], one: Condition, say: Texts) -> str:
+    known = _course(reports, one)[:-1]
+    known = known[np.isfinite(known)]
+    value, arrow = one.value or 0.0, ""
+    if len(known):
+        same = say.number(value) == say.number(float(known[-1]))
+        arrow = " →" if same else " ↑" if value > known[-1] else " ↓"
+    return say("weeks.one", component=one.component, what=say.given(one.what),
+               value=say.number(value), unit=one.unit.removesuffix("1"), arrow=arrow)  # fmt: skip
 
 
 def _columns(

@@ -16,6 +16,7 @@ from pipeline.report.components import (
     outline,
     weeks_worked,
 )
+from pipeline.report.condition import weeks_section
 from pipeline.report.drift import drift_section
 from pipeline.report.evidence import EvidencePage
 from pipeline.report.facts import ActionRow, MachineFacts, MachineVerdict
@@ -23,7 +24,7 @@ from pipeline.report.folders import MachineFolders, evidence_page
 from pipeline.report.records import source_of
 from pipeline.report.scorecard import Line, scorecard
 from pipeline.report.texts import Texts
-from pipeline.report.week import alarms_of_week, time_section, week_section, weeks_section
+from pipeline.report.week import alarms_of_week, time_section, week_section
 from pipeline.schema.si import DAY, NS
 
 MOST_ACTIONS = 5
@@ -71,7 +72,8 @@ def lead_page(
     name = facts.folders.name
     components = component_states(facts, say)
     shown = [row for row in verdict.actions if not row.engineers][:MOST_ACTIONS]
-    first = [weeks_section(facts, say), time_section(facts, say), alarms_of_week(facts, say),
+    first = [weeks_section(facts.folders, facts.shelf, facts.weeks, say), time_section(facts, say),
+             alarms_of_week(facts, say),
              *(page.lead for page in facts.pages)]  # fmt: skip
     second = [drift_section(facts, say), _changes(changes, why_none, since, say),
               _last_records(facts, say)]  # fmt: skip

@@ -1,27 +1,27 @@
-"""The newest calendar week on one axis of time, twelve weeks as small curves, use of the time."""
+"""The newest calendar week on one axis of time; its time and alarms beside the week before."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import date, timedelta
 
 import numpy as np
 import pandas as pd
-from markupsafe import Markup
 
 from pipeline.charts.bands import Axis, Block, Strip, strips_figure
-from pipeline.charts.sections import Figure, Figures, Section, drawing, present
-from pipeline.charts.tables import Cell, Column, sources, tabulated
+from pipeline.charts.numbers import signed, tenths
+from pipeline.charts.sections import Section, drawing, present
+from pipeline.charts.tables import Cell, Column, code, sources, tabulated
 from pipeline.report.alarms import Alarm, no_alarms
 from pipeline.report.components import KEYS, component_of, weeks_worked
-from pipeline.report.condition import MOST_WEEKS, week_sources
+from pipeline.report.condition import first_of
 from pipeline.report.facts import MachineFacts
 from pipeline.report.texts import Texts
 from pipeline.report.twin_state import HEAT, SHOWN, days_since, parts_by, state_rows, strip_of
-from pipeline.report.work import BIN, NO_RECORD, Day
+from pipeline.report.work import BIN, NO_RECORD, Day, days_between
 from pipeline.report.work_section import state_class
 from pipeline.schema.arrays import Floats
-from pipeline.schema.condition import Condition, week_of
-from pipeline.schema.days import clock, day_of, instant
+from pipeline.schema.condition import week_of
+from pipeline.schema.days import clock, day_of, day_start, instant
 from pipeline.schema.si import DAY, NS
 
 STEP = "5min"
@@ -32,18 +32,20 @@ LEAST_SHARE = 0.1
 """Share of a step that must be known."""
 STOPS = 3
 """Stops, and alarms, that are named."""
-SHOWN_CONDITIONS = 6
-"""Quantities over twelve weeks, those beyond a line first."""
+LEGEND = (
+    ("s-active", "active", "box"), ("s-ready", "ready", "box"), ("s-hold", "hold", "box"),
+    ("s-interrupted", "interrupted", "box"), ("s-stopped", "stopped", "box"),
+    ("s-other", "other", "box"), ("s-off", "off", "box"), ("s-none", "lost", "hatch"),
+    ("measured", "measured", "line"), ("window", "estimated", "line"), ("s-band", "band", "box"),
+    ("s-most", "most", "box"), ("s-over", "fault", "box"), ("s-warned", "warning", "box"),
+)  # fmt: skip
+"""Class of what is drawn, key of its words, shape; the legend holds those that occur."""
 STOPPED = ("FEED_HOLD", "INTERRUPTED", "STOPPED", "PROGRAM_STOPPED", "OPTIONAL_STOP")
 
 
-def first_of(week: str) -> date:
-    """Monday of a calendar week.
-
-    >>> first_of("2026-W04").isoformat()
-    '2026-01-19'
-    """
-    return date.fromisocalendar(int(week[:4]), int(week[6:]), 1)
+def week_days(week: str) -> list[str]:
+    """The seven days of a calendar week."""
+    return [(first_of(week) + timedelta(days=k)).isoformat() for k in range(7)]
 
 
 def week_section(facts: MachineFacts, say: Texts) -> Section | None:
@@ -52,7 +54,7 @@ def week_section(facts: MachineFacts, say: Texts) -> Section | None:
     if not weeks:
         return None
     first = first_of(weeks[-1])
-    days = [(first + timedelta(days=k)).isoformat() for k in range(7)]
+    days = week_days(weeks[-1])
     strips = [_states(facts, days, say)]
     columns = ("time", "spindle_load", *(f"{HEAT}_{part}" for part in SHOWN[HEAT]))
     rows, files = state_rows(facts.folders, facts.shelf, days[0], days[-1], columns)
@@ -64,24 +66,35 @@ def week_section(facts: MachineFacts, say: Texts) -> Section | None:
         marks=[(float(k), "\u00a0".join(say.day(day).split("\u00a0")[:2]))
                for k, day in enumerate(days)],
     )  # fmt: skip
-    legend = [("s-active", say("week.active"), "box"), ("s-ready", say("week.ready"), "box"),
-              ("s-hold", say("week.hold"), "box"), ("s-off", say("week.off"), "box"),
-              ("s-none", say("week.lost"), "hatch"), ("l-measured", say("week.measured"), "line"),
-              ("l-window", say("week.estimated"), "line"),
-              ("s-band", say("week.band"), "box")]  # fmt: skip
-    made = sources(facts.shelf, *facts.work.state_files, *files)
-    caption = say("week.caption")
+    drawn = {one.kind for strip in strips for one in strip.blocks}
+    drawn |= {curve[0] for strip in strips for curve in strip.curves}
+    drawn |= {area[0] for strip in strips for area in strip.areas}
+    legend = [("l-" * (form == "line") + kind, say(f"week.{key}"), form)
+              for kind, key, form in LEGEND if kind in drawn]  # fmt: skip
+    of_week = [path for path in facts.work.state_files if path.stem in days]
+    others = (facts.folders.clean / "alarms.parquet", facts.folders.incidents)
+    made = sources(facts.shelf, *of_week, *files, *(path for path in others if path))
+    limits = "alarm-line" in drawn or any(strip.levels for strip in strips)
+    caption = say("week.caption") + say("week.limits") * limits
     figure = drawing(strips_figure(strips, axis, caption, kind="week"), caption, made, legend)
     return Section(key="week", title=say("week.title"), blocks=present(figure))
 
 
 def _states(facts: MachineFacts, days: Sequence[str], say: Texts) -> Strip:
-    """Execution states; off where nothing is expected, hatched where records should be."""
-    by, missing = {one.day: one for one in facts.work.days}, set(facts.work.surprising_days)
+    """Execution states; off where nothing is expected, hatched where records should be.
+
+    Days after the newest record of any source are not known yet, and empty.
+    """
+    by, missing = {one.day: one for one in facts.work.days}, {*facts.work.surprising_days}
+    live, ends = facts.records.last_live, [*by]
+    if live is not None:
+        ends.append(day_of(int(live.timestamp()) * NS, facts.work.time_zone))
+    if facts.silence is not None:
+        missing |= {*facts.work.surprising(days_between([max(by), ends[-1]]))}
     blocks = []
     for k, day in enumerate(days):
         runs = by[day].runs if day in by else [(NO_RECORD, 0, DAY // BIN)]
-        for state, start, end in runs:
+        for state, start, end in runs if day <= max(ends) else []:
             kind, words = state_class(state), _state(state, say)
             if state == NO_RECORD:
                 kind, words = ("s-none", "week.lost") if day in missing else ("s-off", "week.off")
@@ -96,13 +109,14 @@ def _states(facts: MachineFacts, days: Sequence[str], say: Texts) -> Strip:
 def _state(state: str, say: Texts) -> str:
     """An execution state in words; itself where it is none of MTConnect's."""
     key = f"week.{state_class(state).removeprefix('s-')}"
-    return say(key) if say.has(key) else state
+    return say(key) if say.has(key) and key != "week.other" else state
 
 
 def _curves(facts: MachineFacts, rows: pd.DataFrame, first: date, say: Texts) -> Iterator[Strip]:
     """Spindle temperature in its band with the line of its rule, and the spindle's load."""
-    period = float(np.median(np.diff(days_since(rows.index, first)))) * DAY
-    least = LEAST_SHARE * pd.Timedelta(STEP).total_seconds() / max(period, 1e-9)
+    apart = np.diff(days_since(rows.index, first)) * DAY
+    period = float(np.median(apart[apart > 0])) if (apart > 0).any() else 1.0
+    least = LEAST_SHARE * pd.Timedelta(STEP).total_seconds() / period
     rules = {} if facts.monitored is None else facts.monitored.rules
     heat = parts_by(rows, HEAT, STEP, least)
     strip = strip_of(say("week.temperature"), HEAT, heat, first, 88.0)
@@ -112,15 +126,17 @@ def _curves(facts: MachineFacts, rows: pd.DataFrame, first: date, say: Texts) ->
         strip = _with(strip, ("alarm-line", days_since(heat.index, first), line.to_numpy(float)))
     if strip.curves:
         yield _hovered(strip, heat["measured"].fillna(heat["estimated"]), first, "°C", say)
-    load = rows["spindle_load"].resample(STEP).max()
+    loads = rows["spindle_load"].resample(STEP)
+    load, most = loads.median(), loads.max()
     if load.notna().any():
-        limit = rules.get("load_over_limit")
+        limit, x = rules.get("load_over_limit"), days_since(load.index, first)
+        middle, top = (one.to_numpy(float) for one in (load, most))
         strip = Strip(
-            head=say("week.load"), height=52.0, zero=True,
-            curves=[("measured", days_since(load.index, first), load.to_numpy(float))],
+            head=say("week.load"), height=52.0, zero=True, curves=[("measured", x, middle)],
+            areas=[("s-most", x, middle, top)],
             levels=[] if limit is None or limit.limit is None else [limit.limit],
         )  # fmt: skip
-        yield _hovered(strip, load, first, "%", say)
+        yield _hovered(strip, most, first, "%", say)
 
 
 def _with(strip: Strip, curve: tuple[str, Floats, Floats]) -> Strip:
@@ -140,9 +156,15 @@ def _hovered(strip: Strip, values: pd.Series, first: date, unit: str, say: Texts
 
 
 def alarms_in(facts: MachineFacts, week: str) -> list[Alarm]:
-    """Alarms that begin in a calendar week."""
-    zone = facts.work.time_zone
-    return [one for one in facts.alarms.alarms if week_of(day_of(one.start, zone)) == week]
+    """Alarms of a calendar week, each the part within it; open ones last to the last record."""
+    first, zone = first_of(week), facts.work.time_zone
+    begin, close = (day_start((first + timedelta(days=k)).isoformat(), zone) for k in (0, 7))
+    last = int((facts.work.last or 0.0) * NS)
+    within = [
+        replace(one, start=max(one.start, begin), end=min(one.end or max(last, one.start), close))
+        for one in facts.alarms.alarms
+    ]
+    return [one for one in within if one.start < close and (one.end or 0) >= begin]
 
 
 def _alarms(facts: MachineFacts, days: Sequence[str], say: Texts) -> list[Strip]:
@@ -164,89 +186,32 @@ def bursts(alarms: Sequence[Alarm]) -> list[list[Alarm]]:
     """Alarms of one text, those of a burst together."""
     found: list[list[Alarm]] = []
     for one in sorted(alarms, key=lambda one: one.start):
-        last = found[-1][-1] if found else None
-        if last is not None and one.start - (last.end or last.start) <= BURST_S * NS:
+        if found and one.start - _end(found[-1]) <= BURST_S * NS:
             found[-1].append(one)
         else:
             found.append([one])
     return found
 
 
+def _end(burst: Sequence[Alarm]) -> int:
+    return max(one.end or one.start for one in burst)
+
+
 def _burst(burst: list[Alarm], text: str, lane: int, first: str, zone: str, say: Texts) -> Block:
-    times = np.array([burst[0].start, burst[-1].end or burst[-1].start])
-    start, end = (clock(times, zone) - np.datetime64(first, "ns").astype(np.int64)) / (DAY * NS)
-    words = say("week.burst", len(burst), alarm=text or burst[0].item,
-                moment=say.moment(burst[0].start))  # fmt: skip
-    kind = "s-over" if any(one.level == "fault" for one in burst) else "s-hold"
+    shown = clock(np.array([burst[0].start, _end(burst)]), zone)
+    start, end = (shown - np.datetime64(first, "ns").astype(np.int64)) / (DAY * NS)
+    day, time = say.day(day_of(burst[0].start, zone)), say.clock(shown[0] // NS % DAY)
+    words = say("week.burst", len(burst), alarm=text or burst[0].item, day=day, time=time)
+    kind = "s-over" if any(one.level == "fault" for one in burst) else "s-warned"
     return Block(kind=kind, start=float(start), end=float(end), words=words, lane=lane)
-
-
-def weeks_section(facts: MachineFacts, say: Texts) -> Section | None:
-    """Quantities of the condition over twelve weeks, those beyond a line first."""
-    if not facts.weeks:
-        return None
-    order = {"act": 0, "watch": 1, "fine": 2, "not assessed": 3}
-    lined = [one for one in facts.weeks[-1].conditions if one.state in order and one.value]
-    chosen = sorted(lined, key=lambda one: (order[one.state], one.kind == "cycle_time"))
-    chosen = chosen[:SHOWN_CONDITIONS]
-    made = week_sources(facts.folders, facts.shelf, facts.weeks)
-    figures = [
-        Figure(svg=_small(facts, one), caption=_small_words(facts, one, say), sources=made,
-               status=LOOKS[one.state],
-               status_words=say(f"component.{one.state.replace(' ', '_')}"))
-        for one in chosen
-    ]  # fmt: skip
-    if not figures:
-        return None
-    title = say("weeks.title", count=len(facts.weeks), all=MOST_WEEKS)
-    return Section(key="weeks", title=title, blocks=[Figures(figures=figures, kind="small")])
-
-
-LOOKS = {"act": "failed", "watch": "attention", "fine": "passed", "not assessed": "unknown"}
-
-
-def _course(facts: MachineFacts, one: Condition) -> Floats:
-    """Values of a quantity in the twelve weeks up to the newest, shape (12,)."""
-    newest = first_of(facts.weeks[-1].week)
-    values = np.full(MOST_WEEKS, np.nan)
-    for report in facts.weeks:
-        place = MOST_WEEKS - 1 - (newest - first_of(report.week)).days // 7
-        same = [other.value for other in report.conditions if other.key == one.key]
-        if place >= 0 and same and same[0] is not None:
-            values[place] = same[0]
-    return values
-
-
-def _small(facts: MachineFacts, one: Condition) -> Markup:
-    values = _course(facts, one)
-    weeks = Axis(words="", span=(0.0, MOST_WEEKS - 1.0), marks=[])
-    lines = [line for line in (one.alert, one.alarm) if line is not None]
-    x = np.arange(MOST_WEEKS, dtype=float)
-    strip = Strip(
-        head="", height=28.0, curves=[("measured", x, values)], levels=lines,
-        dots=[("p-passed", x[-1:], values[-1:])], zero=True,
-    )  # fmt: skip
-    return strips_figure([strip], weeks, f"{one.component}, {one.what}", kind="week-small")
-
-
-def _small_words(facts: MachineFacts, one: Condition, say: Texts) -> str:
-    known = _course(facts, one)[:-1]
-    known = known[np.isfinite(known)]
-    value = one.value or 0.0
-    arrow = ""
-    if len(known):
-        arrow = " →" if value == known[-1] else " ↑" if value > known[-1] else " ↓"
-    return say("weeks.one", component=one.component, what=say.given(one.what),
-               value=say.number(value), unit=one.unit.removesuffix("1"), arrow=arrow)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
 class Use:
-    """Time of a kind in the newest week and in the one before it [s]."""
+    """Time of a kind in each of some weeks, the newest last [s]."""
 
     name: str
-    now: float
-    before: float | None
+    each: Sequence[float]
 
 
 def time_section(facts: MachineFacts, say: Texts) -> Section:
@@ -254,22 +219,17 @@ def time_section(facts: MachineFacts, say: Texts) -> Section:
     weeks = weeks_worked(facts)
     if not weeks:
         return Section(key="time", title=say("time.title"), text=[say("time.none")])
-    days = [[day for day in facts.work.worked_days if week_of(day.day) == week] for week in weeks]
-    before = days[-2] if len(days) > 1 else None
-    rows = [
-        Use(name=say(f"time.{key}"), now=_seconds(days[-1], states),
-            before=None if before is None else _seconds(before, states))
-        for key, states in STATES.items()
-    ]  # fmt: skip
+    days = [[one for one in facts.work.worked_days if one.day in week_days(w)] for w in weeks[-2:]]
+    rows = [Use(name=say(f"time.{key}"), each=[_seconds(one, states) for one in days])
+            for key, states in STATES.items()]  # fmt: skip
     for kind in KINDS:
-        now, then = (None if one is None else sum(day.kinds.get(kind, 0.0) for day in one)
-                     for one in (days[-1], before))  # fmt: skip
-        if now or then:
-            rows.append(Use(name=say(f"time.{kind}"), now=now or 0.0, before=then))
+        each = [sum(day.kinds.get(kind, 0.0) for day in one) for one in days]
+        if any(each):
+            rows.append(Use(name=say(f"time.{kind}"), each=each))
     made = sources(facts.shelf, *facts.work.state_files)
-    uses = tabulated(say("time.table", count=len(days[-1])), rows, _use_columns(say), made)
-    stops = sorted(_stops(days[-1]), key=lambda one: (-one[2], one[0].day, one[1]))[:STOPS]
-    named = tabulated(say("time.stops"), stops, _stop_columns(facts, say), made,
+    uses = tabulated(say("time.table", count=len(days[-1])), rows, _use_columns(weeks, say), made)
+    stops = sorted(_stops(facts, days[-1]), key=lambda one: (one.start - one.end, one.start))
+    named = tabulated(say("time.stops"), stops[:STOPS], _stop_columns(facts, say), made,
                       folded=True)  # fmt: skip
     return Section(key="time", title=say("time.title"), blocks=present(uses, named))
 
@@ -281,6 +241,7 @@ STATES = {"active": ("ACTIVE",), "stopped": STOPPED, "ready": (), "none_known": 
 
 
 def _seconds(days: Sequence[Day], states: Sequence[str]) -> float:
+    """Time in some states, in all but those of the other rows where there are none [s]."""
     named = {state for one in STATES.values() for state in one}
     return sum(
         seconds for day in days for state, seconds in day.seconds.items()
@@ -288,54 +249,65 @@ def _seconds(days: Sequence[Day], states: Sequence[str]) -> float:
     )  # fmt: skip
 
 
-def _use_columns(say: Texts) -> tuple[Column[Use], ...]:
+def _named(weeks: Sequence[str], say: Texts) -> list[str]:
+    """The newest week and the one with records before it, with their years where these differ."""
+    each = weeks[:-3:-1]
+    years = len({one[:4] for one in each}) > 1
+    return [say("week.short", week=int(one[6:])) + f" {one[:4]}" * years for one in each]
+
+
+def _use_columns(weeks: Sequence[str], say: Texts) -> tuple[Column[Use], ...]:
+    def hours(place: int) -> Callable[[Use], str]:
+        return lambda one: say.hours(one.each[place])
+
     def change(one: Use) -> str:
-        if one.before is None:
-            return "–"
-        sign = "+" if one.now >= one.before else "−"
-        return f"{sign}{say.hours(abs(one.now - one.before))}"
+        return say.local(signed((one.each[-1] - one.each[0]) / 3600))
 
-    return (
-        Column(say("time.use"), lambda one: one.name),
-        Column(say("time.now"), lambda one: say.hours(one.now), "h"),
-        Column(say("time.before"), lambda one: (
-            "–" if one.before is None else say.hours(one.before)
-        ), "h"),
-        Column(say("time.change"), change, "h"),
-    )  # fmt: skip
+    each = [Column(name, hours(-1 - k), "h") for k, name in enumerate(_named(weeks, say))]
+    changes = [Column(say("time.change"), change, "h")] if len(each) > 1 else []
+    return (Column(say("time.use"), lambda one: one.name), *each, *changes)
 
 
-Stop = tuple[Day, int, int, str]
-"""Day, first bin, number of bins and state of a stop."""
+@dataclass(frozen=True, kw_only=True)
+class Stop:
+    """A stop: its state, its start and its end [ns] since 1970."""
+
+    state: str
+    start: int
+    end: int
 
 
-def _stops(days: Sequence[Day]) -> Iterator[Stop]:
+def _stops(facts: MachineFacts, days: Sequence[Day]) -> list[Stop]:
+    """Runs of one stopped state, over midnight too."""
+    found: list[Stop] = []
     for day in days:
-        for state, start, end in day.runs:
-            if state in STOPPED:
-                yield day, start, end - start, state
+        for state, *places in day.runs:
+            start, end = (instant(day.day, BIN * x, facts.work.time_zone) for x in places)
+            if state in STOPPED and found and (found[-1].state, found[-1].end) == (state, start):
+                found[-1] = replace(found[-1], end=end)
+            elif state in STOPPED:
+                found.append(Stop(state=state, start=start, end=end))
+    return found
 
 
 def _stop_columns(facts: MachineFacts, say: Texts) -> tuple[Column[Stop], ...]:
-    zone = facts.work.time_zone
-
-    def at(one: Stop) -> int:
-        return instant(one[0].day, BIN * one[1], zone)
-
-    def program(one: Stop) -> str:
-        inside = [c.program for c in facts.work.cycles or [] if c.start <= at(one) <= c.end]
-        return next(iter(inside), "–")
+    def program(one: Stop) -> Cell | str:
+        """Program of the last cycle that began on the same day."""
+        zone = facts.work.time_zone
+        of_day = [c for c in facts.work.cycles or [] if c.program and c.start <= one.start
+                  and day_of(c.start, zone) == day_of(one.start, zone)]  # fmt: skip
+        return code(max(of_day, key=lambda c: c.start).program) if of_day else "–"
 
     def alarm(one: Stop) -> str:
-        end = at(one) + one[2] * BIN * NS
+        from_on = one.start - BIN * NS
         seen = [a.text for a in facts.alarms.alarms
-                if a.start <= end and (a.end or end) >= at(one) - BIN * NS and a.text]  # fmt: skip
+                if a.text and a.start <= one.end and (a.end or one.end) >= from_on]  # fmt: skip
         return say.some(list(dict.fromkeys(seen)), 1) or "–"
 
     return (
-        Column(say("time.since"), lambda one: say.moment(at(one))),
-        Column(say("time.length"), lambda one: say.duration(one[2] * BIN), ""),
-        Column(say("time.state"), lambda one: _state(one[3], say)),
+        Column(say("time.since"), lambda one: say.moment(one.start)),
+        Column(say("time.length"), lambda one: say.duration((one.end - one.start) / NS), ""),
+        Column(say("time.state"), lambda one: _state(one.state, say)),
         Column(say("time.program"), program),
         Column(say("time.alarm"), alarm),
     )
@@ -343,39 +315,50 @@ def _stop_columns(facts: MachineFacts, say: Texts) -> tuple[Column[Stop], ...]:
 
 def alarms_of_week(facts: MachineFacts, say: Texts) -> Section | None:
     """Alarms with most minutes and most often in the week, beside the week before."""
-    weeks = weeks_worked(facts)
     if not facts.alarms.alarms:
         return no_alarms(facts.alarms, say)
-    now, before = (alarms_in(facts, week) if week else [] for week in ["", "", *weeks][-1:-3:-1])
-    kinds: dict[tuple[str, str], list[Alarm]] = {}
-    for one in now:
-        kinds.setdefault((one.level, one.text or one.item), []).append(one)
-    most = sorted(kinds, key=lambda kind: -sum(a.seconds or 0.0 for a in kinds[kind]))[:STOPS]
-    often = sorted(kinds, key=lambda kind: -len(kinds[kind]))[:STOPS]
-    rows = [(kind, kinds[kind], [a for a in before if (a.level, a.text or a.item) == kind])
-            for kind in dict.fromkeys([*most, *often])]  # fmt: skip
+    zone = facts.work.time_zone
+    weeks = weeks_worked(facts) or sorted(
+        {week_of(day_of(one.start, zone)) for one in facts.alarms.alarms}
+    )
+    found = [alarms_in(facts, week) for week in weeks[:-3:-1]]
+    kinds: dict[tuple[str, str], list[list[Alarm]]] = {}
+    for k, alarms in enumerate(found):
+        for one in alarms:
+            each = kinds.setdefault((one.level, one.text or one.item), [[] for _ in found])
+            each[k].append(one)
+    now = [row for row in kinds.items() if row[1][0]]
+    most = sorted(now, key=lambda row: -_seconds_of(row[1][0]))[:STOPS]
+    often = sorted(now, key=lambda row: -len(row[1][0]))[:STOPS]
+    rows = [*most, *(row for row in often if row not in most)]
     made = sources(facts.shelf, facts.folders.clean / "alarms.parquet")
-    still = [say("alarms.still", count=sum(a.ended == "open" for a in facts.alarms.alarms))]
-    if not any(one.ended == "open" for one in facts.alarms.alarms):
-        still = []
-    table = tabulated(say("alarms.of_week", count=len(now)), rows, _alarm_columns(say), made)
-    return Section(key="alarms", title=say("alarms.title"), blocks=present(table),
-                   text=[*([] if rows else [say("alarms.no_week")]), *still])  # fmt: skip
+    caption = say("alarms.of_week", count=sum(len(row[1][0]) for row in now))
+    still = sum(one.ended == "open" for one in facts.alarms.alarms)
+    text = [*([] if rows else [say("alarms.no_week")]),
+            *([say("alarms.still", count=still)] if still else [])]  # fmt: skip
+    table = tabulated(caption, rows, _alarm_columns(weeks, say), made)
+    return Section(key="alarms", title=say("alarms.title"), text=text, blocks=present(table))
 
 
-AlarmRow = tuple[tuple[str, str], list[Alarm], list[Alarm]]
-"""Level and text of a kind of alarm, its alarms of the week, and of the week before."""
+AlarmRow = tuple[tuple[str, str], list[list[Alarm]]]
+"""Level and text of a kind of alarm, its alarms in each of some weeks, the newest first."""
 
 
-def _alarm_columns(say: Texts) -> tuple[Column[AlarmRow], ...]:
-    def minutes(alarms: Sequence[Alarm]) -> str:
-        return say.number(sum(one.seconds or 0.0 for one in alarms) / 60)
+def _seconds_of(alarms: Sequence[Alarm]) -> float:
+    return sum(one.seconds or 0.0 for one in alarms)
 
+
+def _alarm_columns(weeks: Sequence[str], say: Texts) -> tuple[Column[AlarmRow], ...]:
+    def minutes(place: int) -> Callable[[AlarmRow], str]:
+        return lambda row: say.local(tenths(_seconds_of(row[1][place]) / 60))
+
+    def times(place: int) -> Callable[[AlarmRow], str]:
+        return lambda row: say.number(len(row[1][place]))
+
+    names = _named(weeks, say)
     return (
         Column(say("alarms.alarm"), lambda row: Cell(
             text=row[0][1], status="failed" if row[0][0] == "fault" else "attention")),
-        Column(say("alarms.minutes"), lambda row: minutes(row[1]), "min"),
-        Column(say("alarms.before"), lambda row: minutes(row[2]), "min"),
-        Column(say("alarms.times"), lambda row: say.number(len(row[1])), ""),
-        Column(say("alarms.times_before"), lambda row: say.number(len(row[2])), ""),
+        *(Column(one, minutes(k), "", say("alarms.minutes")) for k, one in enumerate(names)),
+        *(Column(one, times(k), "", say("alarms.times")) for k, one in enumerate(names)),
     )  # fmt: skip

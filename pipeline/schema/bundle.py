@@ -124,11 +124,6 @@ def read_champions(path: Path) -> Champions:
     return parsed(json.dumps(said).encode(), Champions, str(path), remedy)
 
 
-def write_champions(champions: Champions, path: Path) -> None:
-    """Store the champions, all at once: a write that breaks off leaves the file as it was."""
-    write_json(champions, path)
-
-
 def predicting_files(folder: Path) -> list[Path]:
     """Files of a sub-model's folder that predict, in the order of their names below it."""
     files = [path for path in folder.rglob("*") if path.is_file()]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pipeline.schema.days import is_day
 from pipeline.schema.model import SourceFile
-from pipeline.schema.store import read_json, write_json
+from pipeline.schema.store import read_json
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,8 +69,3 @@ def read_golden(path: Path) -> GoldenSets | None:
     if not path.exists():
         return None
     return read_json(path, GoldenSets, f"freeze it again with `kerf golden --machine {path.stem}`")
-
-
-def write_golden(sets: GoldenSets, path: Path) -> None:
-    """Store frozen sets."""
-    write_json(sets, path)

@@ -6,7 +6,6 @@ Times are in [s], lengths in [mm], loads in [N], shares in [1]; F as the program
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Literal
 
 from pipeline.schema.drive import AxisInCut
@@ -20,7 +19,7 @@ from pipeline.schema.part_sheet import (
     ToolUse,
 )
 from pipeline.schema.program_cut import CutWarning, NotKnown, ToolEdge
-from pipeline.schema.store import unstructured, write_json
+from pipeline.schema.store import unstructured
 from pipeline.schema.verdict import UsedModel
 
 Objective = Literal["time", "cost", "energy", "wear", "pareto"]
@@ -394,11 +393,6 @@ def part_values(part: OptimisedPart) -> dict[str, Any]:
     given = part.limits.given
     values["limits"] = {name: one for name, one in values["limits"].items() if name in given}
     return values
-
-
-def write_part(part: OptimisedPart, path: Path) -> None:
-    """Store a part as JSON."""
-    write_json(part_values(part), path)
 
 
 @dataclass(frozen=True, kw_only=True)

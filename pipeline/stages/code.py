@@ -34,7 +34,7 @@ def stages(known: dict[str, Module], package: str) -> dict[str, list[str]]:
     rooms = sorted(n.split(".")[2] for n in known if n.count(".") == 3 and n.endswith(".submodel"))
     own = {f"{verb}_{room}": [f"{package}.stages.identify", f"{package}.submodels.{room}.submodel"]
            for room in rooms for verb in VERBS}  # fmt: skip
-    every = [f"{package}.submodels.{room}.submodel" for room in rooms]
+    every = [f"{package}.submodels.{room}.{one}" for room in rooms for one in ("submodel", "page")]
     for name in known:
         parent, _, stage = name.rpartition(".")
         if parent == f"{package}.stages" and stage not in NO_STAGES:

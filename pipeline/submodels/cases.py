@@ -107,6 +107,11 @@ class Case:
         return Training(case=self.name, group=self.group, files=self.files)
 
 
+def held(content: Any) -> Callable[[], Any]:
+    """Content that is in memory, as a case loads it."""
+    return lambda: content
+
+
 @dataclass(frozen=True, kw_only=True)
 class Cases:
     """Cases of a sub-model, and records that are none, with the reason.

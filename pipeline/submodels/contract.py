@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, TypeVar, get_type_hints
 
 from pipeline.schema.arrays import Floats
+from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Model, Parameter
 from pipeline.schema.ranges import Range, Ranged
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Score, Verdict
-from pipeline.submodels.cases import Case, Cases, Records
+from pipeline.submodels.cases import Case, Cases, Records, Roles
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,6 +30,15 @@ if TYPE_CHECKING:
 Fit = TypeVar("Fit")
 Judging = TypeVar("Judging")
 M = TypeVar("M", bound=Model)
+S = TypeVar("S")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sections:
+    """Sections of params.yaml that every sub-model reads: base of its own."""
+
+    identity: MachineIdentity
+    roles: Roles
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,7 +191,7 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
     """Type of ``model.json``."""
     fitting: ClassVar[type]
     judging: ClassVar[type]
-    """Frozen dataclasses of sections of params.yaml; both have ``identity`` and ``roles``."""
+    """Own :class:`Sections`, frozen dataclasses: what the fit reads, and what the judgement."""
     inputs: ClassVar[tuple[Input, ...]]
     """Signals that its predictions look at."""
     shared: ClassVar[str] = ""
@@ -271,8 +281,14 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
         return {}
 
     def page(self, shown: "Shown[M]") -> "PageContent | None":
-        """Page content that only this sub-model has; its files give the rest of its page."""
-        return None
+        """Page content that only this sub-model has: ``content`` of the ``page.py`` in its folder.
+
+        None without one; the sub-model's files give the rest of its page.
+        """
+        if not (Path(__file__).parent / self.name / "page.py").exists():
+            return None
+        page: PageContent = import_module(f"pipeline.submodels.{self.name}.page").content(shown)
+        return page
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -338,11 +354,16 @@ def judging_of(
     one: SubModel[Any, Judging, Any], values: Mapping[str, Any], machine: str
 ) -> Judging:
     """Settings by which a sub-model of a machine is judged, out of those of the project."""
+    return settings_of(one.judging, values, machine)
+
+
+def settings_of(kind: type[S], values: Mapping[str, Any], machine: str) -> S:
+    """Settings of a machine's sub-model, of the type ``kind``, out of those of the project."""
     from pipeline.parameters import section_path, structure
 
-    return one.judging(**{
+    return kind(**{
         section: structure(dict(values), section_path(dict(values), section, machine), wanted)
-        for section, wanted in sections(one.judging).items()
+        for section, wanted in sections(kind).items()
     })  # fmt: skip
 
 

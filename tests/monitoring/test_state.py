@@ -27,7 +27,6 @@ from pipeline.schema.bundle import (
     Champions,
     bundle_of,
     copy_bundle,
-    write_champions,
 )
 from pipeline.schema.model import Parameter
 from pipeline.schema.store import StoreError, read_json, write_json
@@ -396,7 +395,7 @@ def test_a_submodel_that_does_not_serve_estimates_nothing(written: Path, tmp_pat
     for day in found.days.values():
         assert day.unknown["spindle_temperature"] == "the champion’s spindle does not serve: failed"
     own = Champion(version=1, bundle=bundle.sha256, since="", by="", why="", serving=("spindle",))
-    write_champions(Champions(machines={machine: own}), root / "champions.json")
+    write_json(Champions(machines={machine: own}), root / "champions.json")
     assert state().days[DRIFTS].known_s["spindle_temperature"] > 0, "somebody let it serve"
 
 

@@ -12,7 +12,7 @@ from page_reader import every_word
 
 from pipeline.report.folders import FleetInfo, MachineFolders
 from pipeline.report.pages import write_report
-from pipeline.schema.golden import Days, FrozenSet, GoldenSets, write_golden
+from pipeline.schema.golden import Days, FrozenSet, GoldenSets
 from pipeline.schema.model import Correlation, Parameter, SourceFile, Training
 from pipeline.schema.predictions import write_predictions
 from pipeline.schema.store import write_json
@@ -136,6 +136,17 @@ def write_signals(folders: MachineFolders, days: list[str]) -> None:
     })  # fmt: skip
 
 
+def live_table(folders: MachineFolders, last: str) -> None:
+    """A table of temperatures that goes on until ``last``, beside a log that ends earlier."""
+    path = folders.signals / "manifest.json"
+    known = json.loads(path.read_text())
+    known["files"]["thermo/a.csv"] = {
+        "sha256": "0" * 64, "read": 90_000, "kept": 90_000, "rejected": 0, "format": "csv",
+        "first": "2024-03-04T00:00:00Z", "last": last,
+    }  # fmt: skip
+    path.write_text(json.dumps(known))
+
+
 def write_cycles(folders: MachineFolders, days: list[str], program: str) -> None:
     starts = np.array([nanoseconds(d) + h * 3600 * 10**9 for d in days for h in (6, 9, 12)])
     n = len(starts)
@@ -252,7 +263,7 @@ def write_model(folders: MachineFolders, days: list[str], passed: bool) -> None:
     files = tuple(log_of(day, len(training) + i) for i, day in enumerate(golden))
     week = FrozenSet(files=files, days=Days(first=golden[0], last=golden[-1]))
     folders.golden.parent.mkdir(parents=True, exist_ok=True)
-    write_golden(GoldenSets(machine=folders.name, golden=week), folders.golden)
+    write_json(GoldenSets(machine=folders.name, golden=week), folders.golden)
     folder = folders.models / "spindle"
     write_json(spindle_model(folders, training), folder / "model.json")
     write_json(spindle_verdict(folders, golden, passed), folder / "verdict.json")

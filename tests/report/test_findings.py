@@ -12,6 +12,7 @@ from report_folders import (
     FLEET,
     UTC_NS,
     empty_machine,
+    live_table,
     machine,
     nanoseconds,
     parameter,
@@ -229,17 +230,6 @@ def test_a_figure_that_is_worse_on_other_records_stands_beside_the_one_that_deci
     page = tmp_path / "out" / "m.html"
     said = "0.900 K of 2 K on Thu 7 Mar (elsewhere up "
     assert f"{said}to 1.20 K)" in words(page)
-
-
-def live_table(folders, last):
-    """A table of temperatures that goes on until ``last``, beside a log that ends earlier."""
-    path = folders.signals / "manifest.json"
-    known = json.loads(path.read_text())
-    known["files"]["thermo/a.csv"] = {
-        "sha256": "0" * 64, "read": 90_000, "kept": 90_000, "rejected": 0, "format": "csv",
-        "first": "2024-03-04T00:00:00Z", "last": last,
-    }  # fmt: skip
-    path.write_text(json.dumps(known))
 
 
 @pytest.mark.parametrize("announced", [True, False])

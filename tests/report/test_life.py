@@ -11,7 +11,7 @@ from report_folders import FLEET, machine
 
 from pipeline.report.folders import MachineFolders
 from pipeline.report.pages import write_report
-from pipeline.schema.bundle import Champions, Served, bundle_of, copy_bundle, write_champions
+from pipeline.schema.bundle import Champions, Served, bundle_of, copy_bundle
 from pipeline.schema.decision import Compared, Decision, Rule, Side
 from pipeline.schema.history import Entry, document_of, write_history
 from pipeline.schema.store import json_text, write_json, write_text
@@ -101,7 +101,7 @@ def test_a_history_that_is_gone_is_named(folders: MachineFolders, tmp_path: Path
     """champions.json, beside ``data``, names its last entry."""
     assert folders.history is not None
     champions = Champions(histories={"m": "7" * 64})
-    write_champions(champions, folders.history.parents[2] / "champions.json")
+    write_json(champions, folders.history.parents[2] / "champions.json")
     folders.history.unlink()
     said = every_word(written(folders, tmp_path / "out"))
     assert "The history of what serves cannot be read" in said

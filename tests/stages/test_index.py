@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
-from pipeline.schema.golden import Days, FrozenSet, GoldenSets, write_golden
+from pipeline.schema.golden import Days, FrozenSet, GoldenSets
 from pipeline.schema.model import SourceFile
+from pipeline.schema.store import write_json
 from pipeline.stages.__main__ import load_stage, run
 from pipeline.stages.index import FROZEN, TIMED, index, is_named, texts
 from tests.small_project import inside, with_conf
@@ -68,16 +69,16 @@ def test_a_frozen_set_is_held_against_the_records(tmp_path: Path) -> None:
         for name in ("agent/2026-01-05.txt", "cuts/O1-run1.txt")
     )
     sets = GoldenSets(machine="mill", golden=FrozenSet(files=files, days=days))
-    write_golden(sets, tmp_path / "golden/mill.json")
+    write_json(sets, tmp_path / "golden/mill.json")
     whole = hashes(tmp_path, FILES)[FROZEN]
     assert whole != none
     late = {"sha256": "f", "last": "2026-01-06T17:00:00Z"}  # reaches into the frozen days
     assert hashes(tmp_path, {**FILES, "agent/2026-01-06.txt": late})[FROZEN] != whole
-    write_golden(GoldenSets(machine="mill", golden=FrozenSet(files=files[:1], days=days)),
+    write_json(GoldenSets(machine="mill", golden=FrozenSet(files=files[:1], days=days)),
                  tmp_path / "golden/mill.json")  # fmt: skip
     assert hashes(tmp_path, FILES)[FROZEN] not in (none, whole)  # another set
-    write_golden(sets, tmp_path / "golden/mill.json")
-    write_golden(sets, tmp_path / "golden/lathe.json")  # another machine's
+    write_json(sets, tmp_path / "golden/mill.json")
+    write_json(sets, tmp_path / "golden/lathe.json")  # another machine's
     later = {"sha256": "f", "last": "2026-01-07T17:00:00Z"}
     assert hashes(tmp_path, {**FILES, "agent/2026-01-07.txt": later})[FROZEN] == whole
 

@@ -17,8 +17,9 @@ import yaml
 
 from pipeline.champions.serving import NO_SUBMODEL, status
 from pipeline.fleet import Fleet
-from pipeline.schema.golden import FrozenSet, GoldenSets, write_golden
+from pipeline.schema.golden import FrozenSet, GoldenSets
 from pipeline.schema.model import Model, SourceFile
+from pipeline.schema.store import write_json
 from pipeline.stages import __main__ as stage_runner
 from pipeline.stages.__main__ import Entry, line, load_stage, place, run, running
 from pipeline.stages.champion import champion
@@ -121,7 +122,7 @@ def test_a_stage_gets_paths_and_sections(here: Path) -> None:
 def test_a_fit_is_given_no_case_that_is_frozen(tmp_path: Path) -> None:
     """Of any sub-model: it is told what is frozen, and a copy under another name is left out."""
     frozen = SourceFile(file="a.csv", sha256="1")
-    write_golden(
+    write_json(
         GoldenSets(machine="mill", golden=FrozenSet(files=(frozen,))), tmp_path / "golden/mill.json"
     )
     seen: list[Cases] = []

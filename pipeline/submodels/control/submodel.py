@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -20,13 +20,20 @@ from pipeline.machine.spindle import CUTTING
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.golden import GoldenSets
-from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Band, Bands, Correlation, LeftOut, Parameter
 from pipeline.schema.ranges import NotNegative, Range
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact
 from pipeline.signals.cleaning.settings import CleanMachine
-from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
+from pipeline.submodels.cases import (
+    Case,
+    Cases,
+    Records,
+    conditions_of,
+    held,
+    role_of,
+    sources,
+)
 from pipeline.submodels.conformal import Residuals, bands, half_widths, splits
 from pipeline.submodels.contract import (
     Ends,
@@ -34,7 +41,7 @@ from pipeline.submodels.contract import (
     IntervalLimits,
     Prediction,
     Predictor,
-    Shown,
+    Sections,
     SubModel,
     Target,
 )
@@ -62,9 +69,6 @@ from pipeline.twin.control import (
     time_interval,
 )
 from pipeline.twin.simulation import TYPES, block_table, type_of
-
-if TYPE_CHECKING:
-    from pipeline.charts.submodel_page import PageContent
 
 DWELL = "dwell"
 """Regime of the rows that the control times by its own clock."""
@@ -291,11 +295,9 @@ class ControlLimits(IntervalLimits, section="control_limits"):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fitting:
+class Fitting(Sections):
     """Sections of params.yaml that the fit reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     mapping: CleanMachine
     control: ControlParameters
     setup: Setup
@@ -304,11 +306,9 @@ class Fitting:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judging:
+class Judging(Sections):
     """Sections of params.yaml that the judgement reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     mapping: CleanMachine
     setup: Setup
     control_records: ControlRecords
@@ -369,7 +369,7 @@ class Control(SubModel[Fitting, Judging, ControlModelFile]):
                 Case(
                     name=one.run.name, group=one.run.name,
                     role=role_of([one.run.recording], settings.roles, sets),
-                    files=sources(files, [one.run.recording]), load=_loader(matched),
+                    files=sources(files, [one.run.recording]), load=held(matched),
                     conditions=program_conditions(moves),
                 )
             )  # fmt: skip
@@ -442,12 +442,6 @@ class Control(SubModel[Fitting, Judging, ControlModelFile]):
         lines = ("G21 G90 G94", "G0 X0 Y0", "G1 X40 F600", "Y40", "X0", "Y0", "M30")
         return pd.DataFrame({"program": ["\n".join(lines) + "\n"]})
 
-    def page(self, shown: Shown[ControlModelFile]) -> "PageContent":
-        """Parameters, run times, and the verdict in words."""
-        from pipeline.submodels.control.page import content
-
-        return content(shown)
-
 
 def _moves(text: str) -> Moves:
     import tempfile
@@ -456,10 +450,6 @@ def _moves(text: str) -> Moves:
         path = Path(folder) / "program.nc"
         path.write_text(text)
         return program_moves(path, Setup())
-
-
-def _loader(matched: MatchedRun) -> Callable[[], MatchedRun]:
-    return lambda: matched
 
 
 def _parameters(fit: ControlFit) -> dict[str, Parameter]:

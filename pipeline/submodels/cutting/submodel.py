@@ -11,19 +11,26 @@ import pandas as pd
 
 from pipeline.schema.cutting import MEAN, PEAK, CutConditions, CuttingModel
 from pipeline.schema.golden import GoldenSets
-from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Condition, LeftOut, Model
 from pipeline.schema.si import MM
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role
-from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
+from pipeline.submodels.cases import (
+    Case,
+    Cases,
+    Records,
+    conditions_of,
+    held,
+    role_of,
+    sources,
+)
 from pipeline.submodels.contract import (
     CUTTING_TIME,
     Ends,
     Input,
     Prediction,
     Predictor,
-    Shown,
+    Sections,
     SubModel,
     Target,
 )
@@ -70,11 +77,9 @@ GEOMETRY = ("kind", "diameter_mm", "flutes", "helix_deg")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fitting:
+class Fitting(Sections):
     """Sections of params.yaml that the fit reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     cutting: CuttingSetup
     cutting_records: CuttingRecords
     cutting_fit: CuttingFitSettings
@@ -137,7 +142,7 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
         logs = [] if wanted.spindle is None else load_logs(files, wanted.spindle, signals, raw)
         cases += [
             Case(name=log.name, group=log.name, role=role(log.name),
-                 files=sources(files, [log.name]), load=partial(_same, log))
+                 files=sources(files, [log.name]), load=held(log))
             for log in logs
         ]  # fmt: skip
         return Cases(cases=tuple(cases), left_out=tuple(left_out))
@@ -248,16 +253,6 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
         file = getattr(case.load(), "file", None)
         used = None if file is None else file.conditions.get("cutting_time_min")
         return {} if used is None else {CUTTING_TIME: np.full(len(rows), used.to("s"))}
-
-    def page(self, shown: Shown[CuttingModel]) -> Any:
-        """Coefficients, predicted revolutions and the power of the spindle."""
-        from pipeline.submodels.cutting.page import content
-
-        return content(shown)
-
-
-def _same(log: LoadLogFile) -> LoadLogFile:
-    return log
 
 
 def _whole(one: CuttingRecording, settings: Fitting) -> CuttingRecording:

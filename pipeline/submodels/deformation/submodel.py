@@ -10,14 +10,20 @@ import pandas as pd
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.golden import GoldenSets
-from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import LeftOut, Model
-from pipeline.schema.predictions import AGAIN
 from pipeline.schema.ranges import Positive
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact
 from pipeline.signals.windows import row_period
-from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
+from pipeline.submodels.cases import (
+    Case,
+    Cases,
+    Records,
+    conditions_of,
+    held,
+    role_of,
+    sources,
+)
 from pipeline.submodels.conformal import (
     AdaptiveSettings,
     adaptive,
@@ -29,8 +35,8 @@ from pipeline.submodels.contract import (
     IntervalLimits,
     Prediction,
     Predictor,
+    Sections,
     SeenInputs,
-    Shown,
     SubModel,
     Target,
 )
@@ -58,11 +64,10 @@ from pipeline.submodels.deformation.records import (
     read_profiles,
     state_of_table,
 )
+from pipeline.submodels.statistics import drawn_again
 
 FOLLOWED = "growth, interval follows the probe"
 """The same prediction with the interval that adapts to readings of the probe."""
-AGAIN_DRAWN = 8
-"""Means of seeds drawn with replacement that a recording is predicted by again [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,21 +81,17 @@ class DeformationLimits(IntervalLimits, section="deformation_limits"):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fitting:
+class Fitting(Sections):
     """Sections of params.yaml that the fit reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     deformation_records: DeformationRecords
     deformation_fit: DeformationFitSettings
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judging:
+class Judging(Sections):
     """Sections of params.yaml that the judgement reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     deformation_records: DeformationRecords
     deformation_limits: DeformationLimits
 
@@ -165,7 +166,7 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
             cases.append(
                 Case(
                     name=one.name, group=one.name, role=role, files=sources(files, [one.name]),
-                    load=_constant(one.profile), conditions=conditions,
+                    load=held(one.profile), conditions=conditions,
                 )
             )  # fmt: skip
         return Cases(cases=tuple(cases), left_out=tuple(left_out))
@@ -239,12 +240,6 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
                   for name, one in file.learnt.items() if name in file.channels}  # fmt: skip
         return pd.DataFrame({"t": t, **middle})
 
-    def page(self, shown: Shown[DeformationModel]) -> Any:
-        """The first hour, faulty sensors, all methods, where the model errs."""
-        from pipeline.submodels.deformation.page import content
-
-        return content(shown)
-
 
 def _interval(
     file: DeformationModel, state: State, growth: Floats, regime: Any, measured: Floats | None
@@ -254,10 +249,6 @@ def _interval(
         return interval(growth, regime, file.bands)
     following = AdaptiveSettings(step=file.adaptive_step, delay_s=file.probe_delay_s)
     return adaptive(state.time, measured, growth, regime, file.bands, following)
-
-
-def _constant(profile: Profile) -> Callable[[], Profile]:
-    return lambda: profile
 
 
 def _state(table: pd.DataFrame, file: DeformationModel) -> State:
@@ -304,7 +295,8 @@ def _predicted(profile: Profile, model: GrowthModel) -> Prediction:
     reason = model.withheld(pieces, growth)
     given = reason == ""
     growth = np.where(given, growth, 0.0)
-    again = {k: np.where(given, one, 0.0) for k, one in _drawn(by_seed[file.champion]).items()}
+    drawn = drawn_again(by_seed[file.champion])
+    again = {name: np.where(given, one, 0.0) for name, one in drawn.items()}
     ends = [_interval(file, profile.state, growth, regime, probe) for probe in (None, measured)]
     (low, high), (near, far) = np.where(given, np.array(ends), np.nan)
     whole = pd.DataFrame({
@@ -322,13 +314,6 @@ def _predicted(profile: Profile, model: GrowthModel) -> Prediction:
     inputs = file.values(profile.state)
     seen = SeenInputs(quantity=GROWTH, t=time, measured=measured, inputs=inputs)
     return Prediction(frame=frame, facts=facts, seen=(seen,))
-
-
-def _drawn(by_seed: Floats) -> dict[str, Floats]:
-    """Growth by means of seeds drawn with replacement, (T,) each; none of a single fit."""
-    many = len(by_seed)
-    drawn = np.random.default_rng(0).integers(0, many, (AGAIN_DRAWN if many > 1 else 0, many))
-    return {f"{AGAIN}{k}": by_seed[seeds].mean(axis=0) for k, seeds in enumerate(drawn)}
 
 
 def _facts(profile: Profile, model: GrowthModel, growth: Floats) -> Mapping[str, Fact]:

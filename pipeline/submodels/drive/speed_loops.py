@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from math import isfinite, nan, pi
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -42,6 +42,7 @@ from pipeline.schema.model import Parameter, significant
 from pipeline.schema.ranges import Positive, Ranged
 from pipeline.schema.si import RPM
 from pipeline.search.methods import minimise
+from pipeline.search.result import SearchResult
 from pipeline.submodels.drive.records import MotorRecords
 
 _short = partial(significant, digits=4)
@@ -56,14 +57,6 @@ TUNED = {
 }
 """Bounds of the tuned parameters: gains (for fuzzy the output scales, middle and span
 together), and the input scales; all on a logarithmic scale."""
-
-
-class SearchResult(Protocol):
-    """Result of a search."""
-
-    @property
-    def x(self) -> Floats:
-        """The best individual, shape (D,)."""
 
 
 Search = Callable[[Callable[[Floats], Floats], Floats, Floats], SearchResult]

@@ -29,13 +29,12 @@ from pipeline.schema.drive import (
     TrainingRecording,
 )
 from pipeline.schema.golden import GoldenSets
-from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Band, LeftOut, SourceFile, significant
 from pipeline.schema.ranges import Positive
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role, widest
 from pipeline.signals.windows import row_period
-from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
+from pipeline.submodels.cases import Case, Cases, Records, conditions_of, held, role_of
 from pipeline.submodels.contract import (
     VELOCITY,
     Ends,
@@ -43,7 +42,7 @@ from pipeline.submodels.contract import (
     IntervalLimits,
     Prediction,
     Predictor,
-    Shown,
+    Sections,
     SubModel,
     Target,
 )
@@ -93,22 +92,18 @@ class DriveLimits(IntervalLimits, section="drive_limits"):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fitting:
+class Fitting(Sections):
     """Sections of params.yaml that the identification reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     drive: DrivePrior
     drive_records: DriveRecords
     drive_fit: DriveFitSettings
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judging:
+class Judging(Sections):
     """Sections of params.yaml that the judgement reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     drive: DrivePrior
     drive_records: DriveRecords
     drive_limits: DriveLimits
@@ -322,12 +317,6 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         time = np.arange(recording.samples) * recording.period
         return {VELOCITY: np.interp(rows["t"], time, np.asarray(speed, float))}
 
-    def page(self, shown: Shown[DriveModel]) -> Any:
-        """Friction, mass and parameters of each axis; recordings against the twin."""
-        from pipeline.submodels.drive.page import content
-
-        return content(shown)
-
 
 def _own_time(cases: list[Case]) -> list[Case]:
     """Blocks to judge by where all cases that show an axis are parts of one training recording."""
@@ -362,7 +351,7 @@ def _by_rest(
 def drive_case(recording: Recording, role: Role) -> Case:
     """A recording as a case; of a sealed one nothing is said but its name and hash."""
     return Case(
-        name=recording.name, group=recording.name, role=role, load=lambda: recording,
+        name=recording.name, group=recording.name, role=role, load=held(recording),
         files=(SourceFile(file=recording.file, sha256=recording.sha256),),
         conditions={} if role == "sealed" else _conditions(recording),
     )  # fmt: skip

@@ -10,13 +10,12 @@ import pandas as pd
 
 from pipeline.nets.settings import TuningSettings
 from pipeline.schema.golden import GoldenSets
-from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import LeftOut, SourceFile
 from pipeline.schema.ranges import Positive
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.signals.windows import row_period
-from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
+from pipeline.submodels.cases import Case, Cases, Records, conditions_of, held, role_of
 from pipeline.submodels.conformal import interval
 from pipeline.submodels.contract import (
     VELOCITY,
@@ -25,8 +24,8 @@ from pipeline.submodels.contract import (
     IntervalLimits,
     Prediction,
     Predictor,
+    Sections,
     SeenInputs,
-    Shown,
     SubModel,
     Target,
 )
@@ -70,22 +69,18 @@ class ResidualLimits(IntervalLimits, section="following_residual_limits"):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fitting:
+class Fitting(Sections):
     """Sections of params.yaml that the fit reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     following_residual_records: ResidualRecords
     following_residual_fit: ResidualFitSettings
     tuning: TuningSettings
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judging:
+class Judging(Sections):
     """Sections of params.yaml that the judgement reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     following_residual_records: ResidualRecords
     following_residual_limits: ResidualLimits
 
@@ -187,7 +182,7 @@ class FollowingResidual(SubModel[Fitting, Judging, ResidualModel]):
             driven = Driven(run=run, drives=drives, records=wanted, most=most)
             cases.append(
                 Case(
-                    name=run.name, group=run.group, role=of_run, load=_constant(driven),
+                    name=run.name, group=run.group, role=of_run, load=held(driven),
                     files=(SourceFile(file=run.name, sha256=run.sha256),),
                     conditions={} if of_run == "sealed" else _conditions(run),
                 )
@@ -310,16 +305,6 @@ class FollowingResidual(SubModel[Fitting, Judging, ResidualModel]):
         time = np.arange(len(axis.reference)) * run.period
         speed = np.gradient(axis.reference, run.period)
         return {VELOCITY: np.interp(rows["t"], time, speed)}
-
-    def page(self, shown: Shown[ResidualModel]) -> Any:
-        """Error before and after, networks compared, attention, the search."""
-        from pipeline.submodels.following_residual.page import content
-
-        return content(shown)
-
-
-def _constant(driven: Driven) -> Callable[[], Driven]:
-    return lambda: driven
 
 
 def _conditions(run: Run) -> dict[str, Fact]:

@@ -1,9 +1,10 @@
 """Spindle temperature as a sub-model: cases are days, judged in windows and as free runs."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import pandas as pd
@@ -11,7 +12,6 @@ import pandas as pd
 from pipeline.schema.arrays import Floats
 from pipeline.schema.days import zone_of
 from pipeline.schema.golden import GoldenSets
-from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Correlation, Parameter
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, widest
@@ -20,7 +20,6 @@ from pipeline.submodels.cases import (
     Case,
     Cases,
     Records,
-    Roles,
     conditions_of,
     files_of_day,
     role_of,
@@ -31,7 +30,7 @@ from pipeline.submodels.contract import (
     Ends,
     Input,
     Predictor,
-    Shown,
+    Sections,
     SubModel,
     Target,
 )
@@ -76,9 +75,6 @@ from pipeline.twin.spindle import (
     spindle_stretches,
 )
 
-if TYPE_CHECKING:
-    from pipeline.charts.submodel_page import PageContent
-
 METHOD = "bounded least squares (soft L1) on free runs over the training days"
 REMEDY = {
     "bearing_friction": "record the spindle turning free at several speeds, 20 minutes each",
@@ -96,11 +92,9 @@ RATE_REMEDY = "record warm-up and cooling of the spindle over several hours"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fitting:
+class Fitting(Sections):
     """Sections of params.yaml that the fit reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     spindle: SpindleRecords
     spindle_fit: SpindleFitSettings
     residual_forest: ForestSettings
@@ -108,11 +102,9 @@ class Fitting:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judging:
+class Judging(Sections):
     """Sections of params.yaml that the judgement reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     spindle: SpindleRecords
     spindle_limits: SpindleLimits
 
@@ -167,7 +159,7 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
         for day in state_days(clean):
             raw = files_of_day(files, day, zone)
             role = role_of(raw, settings.roles, sets, day)
-            load = _loader(clean, day)
+            load = partial(read_state, clean, day)
             if role == "sealed" and not load()[TARGET].notna().any():
                 continue  # sealed by a file of something else that was recorded on that day
             conditions = {} if role == "sealed" else _conditions(load(), settings.spindle)
@@ -186,14 +178,7 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
     def fit(self, cases: Cases, settings: Fitting, folder: Path) -> SpindleModelFile:
         """Thermal network of the training days, and the forest on its residual."""
         training, fitting = cases.of("training"), settings.spindle_fit
-        pieces = [
-            piece
-            for case in training
-            for piece in spindle_stretches(
-                case.load(), case.name, settings.spindle, step=fitting.step_s,
-                bridge_s=fitting.bridge_s, shortest_s=fitting.shortest_s,
-            )
-        ]  # fmt: skip
+        pieces = pieces_of(training, settings.spindle, fitting)
         if not pieces:
             raise ValueError(no_stretch(training, cases, settings))
         fit, scores = identify_spindle_network(Given(pieces, settings.spindle, fitting))
@@ -287,11 +272,24 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
             air = np.interp(rows["t"], np.asarray(seconds, float), known.to_numpy(float))
         return {TEMPERATURE_RISE: predicted - air}
 
-    def page(self, shown: Shown[SpindleModelFile]) -> "PageContent":
-        """The thermal network, the judged days, and the verdict in words."""
-        from pipeline.submodels.spindle.page import content
 
-        return content(shown)
+def pieces_of(
+    cases: Iterable[Case], records: SpindleRecords, fitting: SpindleFitSettings, *,
+    bridge_s: float | None = None,
+) -> list[StateSegment]:  # fmt: skip
+    """Stretches of some days for the network, over gaps as in its fit or of ``bridge_s`` [s]."""
+    return [
+        piece
+        for case in cases
+        for piece in spindle_stretches(
+            case.load(),
+            case.name,
+            records,
+            step=fitting.step_s,
+            bridge_s=fitting.bridge_s if bridge_s is None else bridge_s,
+            shortest_s=fitting.shortest_s,
+        )
+    ]
 
 
 def no_stretch(training: Sequence[Case], cases: Cases, settings: Fitting) -> str:
@@ -341,10 +339,6 @@ def _check_zone_of_sets(sets: GoldenSets | None, zone: str) -> None:
                 f"those of {frozen.time_zone}, its records are cut by {zone}: freeze them again "
                 f"with `kerf golden --machine {sets.machine}`"
             )
-
-
-def _loader(clean: Path, day: str) -> Callable[[], pd.DataFrame]:
-    return lambda: read_state(clean, day)
 
 
 def _conditions(state: pd.DataFrame, records: SpindleRecords) -> dict[str, Fact]:

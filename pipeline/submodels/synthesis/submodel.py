@@ -11,14 +11,20 @@ import pandas as pd
 
 from pipeline.schema.arrays import packed
 from pipeline.schema.golden import GoldenSets
-from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Condition, LeftOut, SourceFile
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact, Role, significant
 from pipeline.signals.wear_lives import read_lives
 from pipeline.signals.wear_windows import ToolLife, WearRecords, WearWindows
-from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
-from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.cases import Case, Cases, Records, conditions_of, held, role_of
+from pipeline.submodels.contract import (
+    Input,
+    Prediction,
+    Predictor,
+    Sections,
+    SubModel,
+    Target,
+)
 from pipeline.submodels.synthesis.fit import Trained, curves, looks, trained
 from pipeline.submodels.synthesis.judging import (
     AUGMENTED,
@@ -48,21 +54,17 @@ from pipeline.submodels.synthesis.model import (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fitting:
+class Fitting(Sections):
     """Sections of params.yaml that the fit reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     wear_records: WearRecords
     synthesis_fit: SynthesisFitSettings
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judging:
+class Judging(Sections):
     """Sections of params.yaml that the judgement reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     wear_records: WearRecords
     synthesis_limits: SynthesisLimits
 
@@ -132,7 +134,7 @@ class SynthesisOfSignals(SubModel[Fitting, Judging, SynthesisModel]):
                     name=life.tool,
                     group=life.tool,
                     role=_role(roles),
-                    load=_constant(Life(windows=life.windows, wear=records.wear)),
+                    load=held(Life(windows=life.windows, wear=records.wear)),
                     conditions=_conditions(life),
                     files=tuple(SourceFile(file=one.name, sha256=one.sha256) for one in life.files),
                 )
@@ -235,16 +237,6 @@ class SynthesisOfSignals(SubModel[Fitting, Judging, SynthesisModel]):
             "discriminator": [one[1] for one in steps], "generator": [one[2] for one in steps],
             "judge": [one.mae for one in looks],
         }  # fmt: skip
-
-    def page(self, shown: Shown[SynthesisModel]) -> Any:
-        """Windows over the wear, the judge's curve, spectra, what is learnt from them."""
-        from pipeline.submodels.synthesis.page import content
-
-        return content(shown)
-
-
-def _constant(life: Life) -> Callable[[], Life]:
-    return lambda: life
 
 
 def judges_of(folder: Path | None, wear_unit: str) -> tuple[Mapping[str, Any], ...]:

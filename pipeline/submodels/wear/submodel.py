@@ -3,14 +3,13 @@
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
 from pipeline.schema.arrays import Ints
 from pipeline.schema.golden import GoldenSets
-from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Condition, LeftOut, Model, SourceFile
 from pipeline.schema.predictions import AGAIN
 from pipeline.schema.ranges import Positive, Share
@@ -19,7 +18,7 @@ from pipeline.schema.verdict import Fact, Role
 from pipeline.signals.units import conversion
 from pipeline.signals.wear_lives import read_lives
 from pipeline.signals.wear_windows import ToolLife, WearRecords, WearWindows
-from pipeline.submodels.cases import Case, Cases, Records, Roles, role_of
+from pipeline.submodels.cases import Case, Cases, Records, Roles, held, role_of
 from pipeline.submodels.contract import (
     CUTTING_TIME,
     Ends,
@@ -27,8 +26,8 @@ from pipeline.submodels.contract import (
     IntervalLimits,
     Prediction,
     Predictor,
+    Sections,
     SeenInputs,
-    Shown,
     SubModel,
     Target,
 )
@@ -47,9 +46,6 @@ from pipeline.submodels.wear.model import (
     WearModel,
     load_wear,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 def life_cases(
@@ -82,7 +78,7 @@ def life_cases(
         cases.append(
             Case(
                 name=life.tool, group=life.tool, role=role, files=tuple(files),
-                load=_constant(life.windows), conditions=conditions,
+                load=held(life.windows), conditions=conditions,
             )
         )  # fmt: skip
     left_out = [LeftOut(case=name, reason=reason) for name, reason in found.left_out.items()]
@@ -128,10 +124,6 @@ def _furthest(life: ToolLife, training: list[ToolLife]) -> dict[str, Fact]:
             words = dict.fromkeys(values.tolist())
             found[name] = Fact(value=next((w for w in words if w not in known), next(iter(words))))
     return found
-
-
-def _constant(windows: WearWindows) -> Callable[[], WearWindows]:
-    return lambda: windows
 
 
 def windows_of(cases: Iterable[Case]) -> WearWindows:
@@ -200,22 +192,18 @@ class WearLimits(IntervalLimits, section="wear_limits"):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fitting:
+class Fitting(Sections):
     """Sections of params.yaml that the fit reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     wear_records: WearRecords
     wear_life: WearLifeSettings = field(default_factory=WearLifeSettings)
     wear_fit: WearFitSettings
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judging:
+class Judging(Sections):
     """Sections of params.yaml that the judgement reads."""
 
-    identity: MachineIdentity
-    roles: Roles
     wear_records: WearRecords
     wear_life: WearLifeSettings = field(default_factory=WearLifeSettings)
     wear_limits: WearLimits
@@ -246,19 +234,13 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
         limits = settings.wear_limits
         beaten = tuple(name for name in (GUESS, MEAN) if name in model.scores)
         others = tuple(name for name in model.scores if name != model.champion)
-        if model.is_class:
-            return (
-                Target(
-                    quantity=model.quantity, unit=model.wear_unit, baselines=others,
-                    limits={"rmse": limits.rmse_class}, must_beat=beaten, titles=NAMES,
-                    least_auc=limits.least_auc,
-                ),
-            )  # fmt: skip
         return (
             Target(
                 quantity=model.quantity, unit=model.wear_unit, baselines=others,
-                limits={"rmse": limits.rmse_um}, must_beat=beaten, titles=NAMES,
-                coverage=limits.share,
+                limits={"rmse": limits.rmse_class if model.is_class else limits.rmse_um},
+                must_beat=beaten, titles=NAMES,
+                coverage=None if model.is_class else limits.share,
+                least_auc=limits.least_auc if model.is_class else 0.0,
             ),
         )  # fmt: skip
 
@@ -345,12 +327,6 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
             f"resnet.fold_{fold}": [float(row[2]) for row in one.trained.history]
             for fold, one in enumerate(wear.fitted.networks, start=1)
         }
-
-    def page(self, shown: Shown[WearModel]) -> Any:
-        """Wear over the life of each tool held out, methods compared, where the model errs."""
-        from pipeline.submodels.wear.page import content
-
-        return content(shown)
 
 
 def _conditions(windows: WearWindows) -> dict[str, Condition]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.cutting.economics.cost import (
     CostRates,
@@ -343,13 +344,14 @@ def cut_trace(cut: Cut, arcs: StationArcs, columns: int = COLUMNS) -> Engagement
     def highest(values: Floats) -> Curve:
         return _column(np.maximum, values[kept][station], column, columns)
 
+    tool = plan.path.moves.tool
     load, axial, radial = cut.station_loads.peak, engagement.axial_depth * 1e3, arcs.radial * 1e3
     return EngagementTrace(
         total_s=round(total, 3), load_N_low=lowest(load), load_N_high=highest(load),
         axial_depth_mm_low=lowest(axial), axial_depth_mm_high=highest(axial),
         radial_depth_mm_low=lowest(radial), radial_depth_mm_high=highest(radial),
         entry_deg=lowest(np.degrees(arcs.entry)), exit_deg=highest(np.degrees(arcs.exit)),
-        tools=_tools(cut, begin, total),
+        tools=tuple(one for one in tool_stretches(tool, begin, total) if one[0] >= 0),
     )  # fmt: skip
 
 
@@ -367,11 +369,16 @@ def _column(function: np.ufunc, values: Floats, place: Rows, columns: int) -> Cu
     return tuple(figure(v, 4) for v in out.tolist())
 
 
-def _tools(cut: Cut, begin: Floats, total: float) -> tuple[tuple[int, float, float], ...]:
-    tool = cut.plan.path.moves.tool
+def tool_stretches(
+    tool: NDArray[np.integer], begin: Floats, total: float
+) -> list[tuple[int, float, float]]:
+    """Tool, begin and end of each stretch of one tool, as shares of ``total``.
+
+    ``tool`` and ``begin`` (T,) are those of each row, from the first to the last.
+    """
     edges = np.flatnonzero(np.diff(tool, prepend=tool[0] - 1 if len(tool) else 0))
     ends = [*(begin[edges[1:]] / total).tolist(), 1.0]
-    return tuple(
+    return [
         (int(tool[row]), round(float(begin[row] / total), 5), round(end, 5))
-        for row, end in zip(edges.tolist(), ends, strict=True) if tool[row] >= 0
-    )  # fmt: skip
+        for row, end in zip(edges.tolist(), ends, strict=True)
+    ]
