@@ -36,6 +36,7 @@ ELSEWHERE = {
     "simulate --corrected": MODELS, "synthesise": MODELS, "transfer": MODELS,
     "verify": "reads pages that the pipeline built", "wear": MODELS,
     "nightly": MODELS, "chatter": RECORDS, "incidents": MODELS, "deliver": MODELS,
+    "replay": MODELS,
 }  # fmt: skip
 """Why the others do not run here."""
 

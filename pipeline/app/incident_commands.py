@@ -91,6 +91,31 @@ def deliver(
         raise typer.Exit(FAILED)
 
 
+@app.command(rich_help_panel=kerf.MODELS)
+def replay(
+    machine: kerf.Machine,
+    out: Annotated[Path, typer.Option(help="Folder of tables, replay.json and the page.")],
+    first: Annotated[str, typer.Option("--from", help="First day of the plant, or a time.")],
+    last: Annotated[str, typer.Option("--to", help="Last day, included, or a time.")],
+    other: Annotated[
+        str, typer.Option("--with", help="Span whose parameters are tried, DAY..DAY.")
+    ] = "",
+) -> None:
+    """Name the sub-model that explains what was measured beside MACHINE's twin in a span."""
+    from pipeline.app.output import check_folder
+    from pipeline.app.page_record import made_by_command
+    from pipeline.app.replay import REPLAY, lines, replayed
+    from pipeline.app.replay_page import write_replay_page
+
+    with one_sentence():
+        check_folder(out)
+        found = replayed(machine, first, last, other, out)
+        made = made_by_command(machine, Path("data/champion") / machine, {}, [out / REPLAY])
+        write_replay_page(found, out, out / "replay.html", made)
+        for line in lines(found):
+            typer.echo(line)
+
+
 def _monitored(machine: str) -> "Monitored":
     from pipeline.app.fleet import DATA, check_machine
     from pipeline.schema.incident import Monitored

@@ -56,9 +56,9 @@ def day_values(
     at_speed: dict[tuple[Key, float], tuple[Reading, float]] = {}
     sums = {RECORDED: len(state) * period_s / 3600, ALARMS: float(len(alarms))}
     for axis in AXES:
-        name, feed = f"axis {axis.upper()}", _number(clean, f"{axis}_feedrate")
-        free = uncut.to_numpy() & _steady(feed)
-        load, error = _number(clean, f"{axis}_load"), state[f"{axis}_following_error_measured"]
+        name, feed = f"axis {axis.upper()}", number_of(clean, f"{axis}_feedrate")
+        free = uncut.to_numpy() & even(feed)
+        load, error = number_of(clean, f"{axis}_load"), state[f"{axis}_following_error_measured"]
         for kind, unit, sizes in (("axis_load", "%", load),
                                    ("following_error", "mm", error.to_numpy(float))):  # fmt: skip
             words = f"{'load' if kind == 'axis_load' else 'following error'} at {{}} mm/s"
@@ -105,13 +105,14 @@ def _over_expected(state: pd.DataFrame, period_s: float) -> Iterator[tuple[Key, 
         yield key, (100 * float(measured @ estimated / (estimated @ estimated)), 0.0)
 
 
-def _number(table: pd.DataFrame, name: str) -> Floats:
+def number_of(table: pd.DataFrame, name: str) -> Floats:
+    """A column of numbers (T,), NaN where it is not known or not recorded."""
     if name not in table:
         return np.full(len(table), np.nan)
     return table[name].to_numpy(np.float64, na_value=np.nan)
 
 
-def _steady(speed: Floats) -> Bools:
+def even(speed: Floats) -> Bools:
     """Rows (T,) that move as fast as those before and after them."""
     v = np.abs(speed)
     even = np.abs(np.diff(v, prepend=np.nan)) <= STEADY * v

@@ -6,10 +6,12 @@ read. Nothing of the twin takes part.
 
 import json
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import date, timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,9 +19,9 @@ from pipeline.parameters import read_params, structure
 from pipeline.schema.bundle import BUNDLE, bundle_of, stored_bundle
 from pipeline.schema.si import DAY
 from pipeline.schema.store import write_json
-from pipeline.shop import sensors
+from pipeline.shop import schedule, sensors
 from pipeline.shop.agent_log import Log, write_day
-from pipeline.shop.parameters import ShopParameters
+from pipeline.shop.parameters import Random, ShopParameters
 from pipeline.shop.schedule import Shop, working_day
 from pipeline.shop.sensors import MachineState, SensedDay
 from pipeline.shop.timeline import Execution, Timeline
@@ -39,18 +41,26 @@ class Fault:
 
     before: Callable[[MachineState, Timeline, int], tuple[int, int] | None] | None = None
     after: Callable[[SensedDay, int], tuple[int, int] | None] | None = None
+    override: float = 0.0
+    """Feed override that somebody leaves set, from the fault on [%]; 0 for none."""
 
 
-def _spindle(machine: MachineState, **parts: float) -> None:
+def set_spindle(machine: MachineState, **parts: Any) -> None:
+    """Change parameters of the simulated spindle from now on."""
     spindle = machine.parameters.spindle
     machine.parameters = replace(machine.parameters, spindle=replace(spindle, **parts))
+
+
+def day_span(day: Timeline) -> tuple[int, int]:
+    """From switching on to switching off."""
+    return day.on, day.off
 
 
 def cooling_failure(machine: MachineState, day: Timeline, since: int) -> tuple[int, int] | None:
     """The pump of the chiller stands: its jackets keep a twentieth of their conductance."""
     if since == 0:
         paths = machine.parameters.spindle.paths
-        _spindle(
+        set_spindle(
             machine,
             paths=replace(
                 paths,
@@ -64,7 +74,7 @@ def cooling_failure(machine: MachineState, day: Timeline, since: int) -> tuple[i
 def bearing_friction(machine: MachineState, day: Timeline, since: int) -> tuple[int, int] | None:
     """Lubricant's share of the friction of both bearings: twice as high each day."""
     spindle = machine.parameters.spindle
-    _spindle(
+    set_spindle(
         machine,
         front=replace(spindle.front, f0=min(2.0 * spindle.front.f0, 10.0)),
         rear=replace(spindle.rear, f0=min(2.0 * spindle.rear.f0, 10.0)),
@@ -83,7 +93,7 @@ def _operations(day: Timeline, least: float) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in spans if b - a > 240 and heavy[a:b].mean() > 0.5]
 
 
-def _one(day: Timeline, since: int, least: float) -> tuple[int, int] | None:
+def one_operation(day: Timeline, since: int, least: float) -> tuple[int, int] | None:
     """The operation after ten o'clock of the first day."""
     found = [one for one in _operations(day, least) if one[0] > 10 * 3600]
     return found[0] if since == 0 and found else None
@@ -92,7 +102,7 @@ def _one(day: Timeline, since: int, least: float) -> tuple[int, int] | None:
 def tool_breakage(machine: MachineState, day: Timeline, since: int) -> tuple[int, int] | None:
     """Half a minute into an operation the tool breaks: it meets nothing for the next half hour."""
     rated = machine.parameters.spindle.motor.rated_power
-    if (found := _one(day, since, 0.15 * rated)) is None:
+    if (found := one_operation(day, since, 0.15 * rated)) is None:
         return None
     a = found[0] + 30
     b, tool = min(a + 1800, day.off), day.tool[a]
@@ -103,7 +113,7 @@ def tool_breakage(machine: MachineState, day: Timeline, since: int) -> tuple[int
 def worn_tool(machine: MachineState, day: Timeline, since: int) -> tuple[int, int] | None:
     """A tool needs 1.6 times its power from ten o'clock on to the end of the day."""
     rated = machine.parameters.spindle.motor.rated_power
-    if (found := _one(day, since, 0.15 * rated)) is None:
+    if (found := one_operation(day, since, 0.15 * rated)) is None:
         return None
     a = found[0]
     day.cut_power[a:][day.tool[a:] == day.tool[a]] *= 1.6
@@ -113,7 +123,7 @@ def worn_tool(machine: MachineState, day: Timeline, since: int) -> tuple[int, in
 def overload(machine: MachineState, day: Timeline, since: int) -> tuple[int, int] | None:
     """For two minutes a cut needs 1.3 times the rated power."""
     rated = machine.parameters.spindle.motor.rated_power
-    if (found := _one(day, since, 0.15 * rated)) is None:
+    if (found := one_operation(day, since, 0.15 * rated)) is None:
         return None
     a, b = found[0] + 60, found[0] + 180
     day.cut_power[a:b] = 1.3 * rated
@@ -123,7 +133,7 @@ def overload(machine: MachineState, day: Timeline, since: int) -> tuple[int, int
 def load_without_feed(machine: MachineState, day: Timeline, since: int) -> tuple[int, int] | None:
     """For two minutes the tool is jammed: the feed stands at 80 % load, the program runs."""
     rated = machine.parameters.spindle.motor.rated_power
-    if (found := _one(day, since, 0.15 * rated)) is None:
+    if (found := one_operation(day, since, 0.15 * rated)) is None:
         return None
     a, b = found[0] + 60, found[0] + 180
     day.cut_power[a:b], day.feed[a:b] = 0.8 * rated, 0.0
@@ -160,6 +170,22 @@ FAULTS: dict[str, Fault] = {
 QUIET = Fault()
 
 
+@contextmanager
+def overridden(percent: float) -> Iterator[None]:
+    """Every run of the shop has this feed override; 0 leaves it to the operators."""
+    usual = schedule._overrides
+
+    def fixed(day: Timeline, t: int, run: schedule.Run, random: Random) -> None:
+        usual(day, t, run, random)
+        day.feed_override[t:] = percent
+
+    schedule._overrides = fixed if percent else usual
+    try:
+        yield
+    finally:
+        schedule._overrides = usual
+
+
 def write_weeks(
     out: Path, parameters: ShopParameters, fault: Fault = QUIET
 ) -> list[tuple[int, int]]:
@@ -173,7 +199,9 @@ def write_weeks(
     log = Log(parameters=parameters, folder=out, random=parameters.generator("log"))
     spans, tips, began = list[tuple[int, int]](), [], parameters.days
     for number in range(parameters.days):
-        timeline, since = working_day(shop, number), max(number - began, 0)
+        slow = fault.override if number >= WEDNESDAY else 0.0
+        with overridden(slow):
+            timeline, since = working_day(shop, number), max(number - began, 0)
         acted = number >= WEDNESDAY and timeline.on < DAY
         found = fault.before(machine, timeline, since) if acted and fault.before else None
         day = sensors.sensed_day(machine, timeline, sensors.air_of_day(ambient, number))
@@ -181,6 +209,8 @@ def write_weeks(
             found = fault.after(day, since)
         write_day(log, day)
         tips.append(sensors.tip_temperatures(day))
+        if fault.override and acted:
+            found = day_span(timeline)
         if found is not None:
             began = min(began, number)
             start = (
@@ -211,7 +241,10 @@ class Week:
         return [str(date.fromisoformat(self.first) + timedelta(days=k)) for k in range(7)]
 
 
-def project_with_weeks(built: Path, folder: Path, seeds: int) -> list[Week]:
+def project_with_weeks(
+    built: Path, folder: Path, seeds: int, faults: Mapping[str, Fault] = FAULTS,
+    quiet: int = QUIET_WEEKS,
+) -> list[Week]:  # fmt: skip
     """A built project of the simulated fleet, and after its records weeks of each fault.
 
     The training days stay as they are: what serves was fitted on them, and they are known-good.
@@ -233,7 +266,7 @@ def project_with_weeks(built: Path, folder: Path, seeds: int) -> list[Week]:
     shutil.copy(built / "data/raw" / MACHINE / "Devices.xml", raw / "Devices.xml")
     with inside(folder):
         parameters = structure(read_params(), f"machine.{MACHINE}.shop", ShopParameters)
-        weeks = list(_written_weeks(Path("data/raw") / MACHINE, parameters, seeds))
+        weeks = list(_written_weeks(Path("data/raw") / MACHINE, parameters, seeds, faults, quiet))
         paths = {name: f"data/{name}/{MACHINE}" for name in
                  ("champion", "raw", "signals", "clean", "twin_state", "usual")}  # fmt: skip
         run(f"ingest@{MACHINE}", paths["raw"], paths["signals"])
@@ -246,14 +279,16 @@ def project_with_weeks(built: Path, folder: Path, seeds: int) -> list[Week]:
     return weeks
 
 
-def _written_weeks(raw: Path, parameters: ShopParameters, seeds: int) -> Iterator[Week]:
-    quiet = replace(parameters, seed=100, weeks=QUIET_WEEKS, first_day=str(QUIET_FROM))
-    write_weeks(raw, quiet)
-    for k in range(QUIET_WEEKS):
+def _written_weeks(
+    raw: Path, parameters: ShopParameters, seeds: int, faults: Mapping[str, Fault], quiet: int
+) -> Iterator[Week]:
+    if quiet:
+        write_weeks(raw, replace(parameters, seed=100, weeks=quiet, first_day=str(QUIET_FROM)))
+    for k in range(quiet):
         yield Week(fault="", first=str(QUIET_FROM + timedelta(weeks=k)), spans=[])
     first = FAULTS_FROM
     for seed in range(1, seeds + 1):
-        for name, fault in FAULTS.items():
+        for name, fault in faults.items():
             week = replace(parameters, seed=seed, weeks=1, first_day=str(first))
             yield Week(fault=name, first=str(first), spans=write_weeks(raw, week, fault))
             first += timedelta(weeks=1)

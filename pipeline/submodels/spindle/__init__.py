@@ -4,4 +4,4 @@ The network (:mod:`pipeline.thermal.network`) is fitted to the clean state table
 [degC] and SI units; a forest corrects it where days left out say that it helps (Twin2026).
 """
 
-__all__ = ["days", "fit", "submodel", "transfer"]
+__all__ = ["days", "fit", "reruns", "submodel", "transfer"]
