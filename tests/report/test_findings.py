@@ -355,7 +355,7 @@ def test_a_bias_that_is_most_of_the_error_and_a_small_number_of_records_are_said
     assert line(bias=0.3).figure.worse == ""
     share = {"unit": "1", "mean_percent": 37.0, "limits": {"mean_percent": 20.0}}
     assert line(bias=3.7, **share).figure.worse == "bias +37.0\xa0%"
-    assert line().judged_on == "records held out, 1"
+    assert line().judged_on == "held out, 1"
 
 
 def test_a_machine_without_a_sub_model_is_asked_for_what_is_logged_already(tmp_path):
