@@ -225,3 +225,14 @@ def test_the_speed_by_its_lines_is_that_of_the_teeth(off: float, tmp_path: Path)
     found, _ = judged(file, "--speed", str(SPEED_RPM))
     assert found["verdict"] == "stable"
     assert found["speed_rpm"] == pytest.approx(actual, rel=3e-4)
+
+
+def test_the_page_shows_the_spectrum_with_its_lines_and_every_stretch(tmp_path: Path) -> None:
+    file, page = recorded(tmp_path / "cut.csv", "time", 1.0, 743.0), tmp_path / "cut.html"
+    judged(file, "--speed", str(SPEED_RPM), "--page", str(page))
+    text = page.read_text()
+    assert "chatter, 743.0" in text and "1 × tooth passing" in text and "17 × tooth" not in text
+    assert "Every steady stretch" in text and "6000 rev/min" in text.replace("\u202f", "")
+    done = CliRunner().invoke(app, ["chatter", str(file), "--teeth", "3", "--speed", "6000",
+                                    "--page", str(file)])  # fmt: skip
+    assert done.exit_code == 2 and "is read: name another file" in " ".join(done.output.split())

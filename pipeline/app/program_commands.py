@@ -387,14 +387,20 @@ def chatter(
     rate: Annotated[float | None, typer.Option(help="Sampling rate, Hz, without a time.")] = None,
     machine: kerf.Setup = None,
     json: kerf.Json = None,
+    page: Annotated[Path | None, typer.Option(help="HTML page of the verdict.")] = None,
 ) -> None:
     """Chatter in FILE, a recording of a cut, and speeds to try; exit status 3, not decided 1."""
     from pipeline.app.chatter import STATUSES, chatter_of, document, said
 
     with one_sentence(), outputs() as to:
         to.ready(json, file)
+        check_outputs(None, page, inputs=(file,))
         found = chatter_of(file, teeth, speed, channels=channel or (), rate=rate, machine=machine)
         to.json(document(found), json)
         to.say(*said(found))
+        if page is not None:
+            from pipeline.app.chatter_page import write_chatter_page
+
+            write_chatter_page(found, file, page)
     if status := STATUSES[found.verdict.verdict]:
         raise typer.Exit(status)

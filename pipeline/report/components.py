@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -89,6 +90,25 @@ def week_incidents(facts: MachineFacts, week: str = "") -> list[Incident]:
         one for one in facts.monitored.incidents if one.severity in RANK
         and week_of(day_of_text(one.start, zone)) <= week <= week_of(day_of_text(one.end, zone))
     ]  # fmt: skip
+
+
+def days_of_incident(facts: MachineFacts, one: Incident) -> Counter[str]:
+    """Days on which something of an incident happened, with how often: its alarms, or its events.
+
+    Of a long incident some events are kept; what lay between counts as one time a day.
+    """
+    zone = facts.work.time_zone
+    if any(event.rule == "alarm" for event in one.events):
+        return Counter(
+            day_of(alarm.start, zone) for alarm in facts.alarms.alarms
+            if alarm.by == one.component and alarm.text and alarm.text in one.title
+        )  # fmt: skip
+    spans = [(event.start, event.end) for event in one.events] or [(one.start, one.end)]
+    ends = [tuple(day_of_text(at, zone) for at in span) for span in spans]
+    return Counter(
+        day.day for first, last in ends for day in facts.work.worked_days
+        if first <= day.day <= last
+    )  # fmt: skip
 
 
 def component_states(facts: MachineFacts, say: Texts) -> list[ComponentState]:

@@ -9,11 +9,11 @@ from markupsafe import Markup
 
 from pipeline.charts import svg
 from pipeline.charts.sections import NOW
-from pipeline.report.components import component_states
+from pipeline.report.components import RANK, component_states, days_of_incident
 from pipeline.report.facts import AT_MACHINE, ActionRow, MachineFacts, MachineVerdict, Status
 from pipeline.report.folders import MachineFolders
 from pipeline.report.texts import ENGLISH, Texts
-from pipeline.schema.days import day_of, day_of_text
+from pipeline.schema.days import day_of
 from pipeline.schema.si import NS
 
 GROUPS = ("now", "maintenance", "twin", "other", "nothing", "unknown")
@@ -116,9 +116,11 @@ def kinds_of_days(facts: MachineFacts) -> dict[str, str]:
         for day in days if day >= first
     }  # fmt: skip
     incidents = () if facts.monitored is None else facts.monitored.incidents
-    for one in sorted(incidents, key=lambda one: one.severity, reverse=True):  # act comes last
-        begin, end = (day_of_text(at, zone) for at in (one.start, one.end))
-        found |= dict.fromkeys((d for d in found if begin <= d <= end and d in done), one.severity)
+    for severity in RANK:  # act comes last
+        for one in incidents:
+            if one.severity == severity:
+                happened = days_of_incident(facts, one)
+                found |= dict.fromkeys((d for d in found if d in happened and d in done), severity)
     return found
 
 

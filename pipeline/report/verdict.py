@@ -4,7 +4,6 @@ The twin is what its judge says of its sub-models.  The machine's own condition 
 is that of its worst component in the newest week of records.
 """
 
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -14,6 +13,7 @@ from pipeline.report.components import (
     ComponentState,
     component_states,
     condition_since,
+    days_of_incident,
     week_incidents,
 )
 from pipeline.report.drift import drift_actions
@@ -100,13 +100,9 @@ def _incidents(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
 
 
 def _by_day(facts: MachineFacts, one: Incident) -> tuple[float, ...]:
-    """Alarms of an incident's component and text on each day of a fortnight up to the newest."""
-    zone, days = facts.work.time_zone, [day.day for day in facts.work.worked_days[-FORTNIGHT:]]
-    found = Counter(
-        day_of(alarm.start, zone) for alarm in facts.alarms.alarms
-        if alarm.by == one.component and alarm.text and alarm.text in one.title
-    )  # fmt: skip
-    return tuple(float(found[day]) for day in days)
+    """How often an incident's alarm came on each day of a fortnight up to the newest."""
+    happened = days_of_incident(facts, one)
+    return tuple(float(happened[day.day]) for day in facts.work.worked_days[-FORTNIGHT:])
 
 
 def _alarms(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:

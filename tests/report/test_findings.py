@@ -26,7 +26,7 @@ from report_folders import (
 from pipeline.charts.judged import scores_table
 from pipeline.charts.sections import PartVerdict, SubModelPage
 from pipeline.report.changes import MachineFigures, changes, key_figure
-from pipeline.report.components import component_states
+from pipeline.report.components import component_states, days_of_incident
 from pipeline.report.facts import machine_facts
 from pipeline.report.pages import write_report
 from pipeline.report.records import FileRead, RecordsRead
@@ -291,6 +291,16 @@ def test_incidents_of_the_week_are_actions_by_risk_and_states_of_their_component
     assert (states["axes"].status, states["axes"].since) == ("failed", "Wed\xa06\xa0Mar")
     assert states["axes"].why == "Friction rises, and 1 more"
     assert states["spindle"].status != "failed"
+
+
+def test_an_incident_of_alarms_has_the_days_of_its_alarms_and_no_others(tmp_path):
+    """It lasts from Monday to Friday, and the alarm came on four of the days."""
+    one = an_incident("watch", "coolant_c", "2024-03-04", "Alarm 217 COOLANT LEVEL LOW", "alarm")
+    folders = machine(tmp_path, "m", days=5)
+    facts = machine_facts(monitored(folders, replace(one, end="2024-03-08T09:00Z")))
+    seen = [alarm for alarm in facts.alarms.alarms if alarm.code == "217"]
+    found = days_of_incident(facts, replace(one, component=seen[0].by))
+    assert sum(found.values()) == len(found) == len(seen) == 4
 
 
 @pytest.mark.parametrize(

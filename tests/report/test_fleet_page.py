@@ -80,7 +80,7 @@ def weekdays(many: int) -> dict[date, float]:
 
 def incident(severity: str, first: date, last: date) -> SimpleNamespace:
     at = (datetime(d.year, d.month, d.day, 10, tzinfo=UTC).isoformat() for d in (first, last))
-    return SimpleNamespace(severity=severity, start=next(at), end=next(at))
+    return SimpleNamespace(severity=severity, start=next(at), end=next(at), events=())
 
 
 def test_each_of_ninety_days_has_the_kind_that_its_records_give_it() -> None:
@@ -90,7 +90,7 @@ def test_each_of_ninety_days_has_the_kind_that_its_records_give_it() -> None:
     del hours[lost]
     kinds = kinds_of_days(facts(hours, [
         incident("act", bad, bad), incident("watch", odd, odd + timedelta(days=4)),
-        incident("watch", bad, bad),
+        incident("watch", bad, bad), incident("note", LAST, LAST),
     ]))  # fmt: skip
     assert len(kinds) == DAYS and max(kinds) == LAST.isoformat()
     of = {one: kinds[one.isoformat()] for one in (LAST, stood, lost, bad, odd)}
