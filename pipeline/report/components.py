@@ -12,6 +12,7 @@ from markupsafe import Markup
 
 from pipeline.charts import svg
 from pipeline.charts.sections import NOW
+from pipeline.report.condition import first_of
 from pipeline.report.texts import Texts
 from pipeline.schema.condition import WeekReport, week_of
 from pipeline.schema.days import day_of, day_of_text
@@ -116,7 +117,10 @@ def component_states(facts: MachineFacts, say: Texts) -> list[ComponentState]:
     weeks = weeks_worked(facts)
     found = [*(_findings(facts, weeks[-1], say) if weeks else ()), *_standing(facts, say)]
     alarms = {component_of(where) for where in facts.alarms.watched}
-    before = list(_findings(facts, weeks[-2], say)) if len(weeks) > 1 else None
+    before = None
+    if len(weeks) > 1:
+        first = first_of(weeks[-1]).isoformat()
+        before = [*_findings(facts, weeks[-2], say), *(f for f in found if "" < f.since < first)]
     assessed = _assessed(facts)
     fine = {key: "fine" if key in assessed else "no_alarm" for key in assessed | alarms}
     return [_state(key, found, before, fine.get(key, ""), say) for key in KEYS]
@@ -146,8 +150,8 @@ def _findings(facts: MachineFacts, week: str, say: Texts) -> Iterator[Finding]:
     """What incidents and the kept report say of a week."""
     for one in week_incidents(facts, week):
         since = day_of_text(one.start, facts.work.time_zone)
-        yield Finding(key=component_of(one.component, _about(one)), since=since,
-                      rank=RANK[one.severity], why=say.given(one.title))  # fmt: skip
+        yield Finding(key=_subject(one), since=since, rank=RANK[one.severity],
+                      why=say.given(one.title))  # fmt: skip
     kept = [one for one in facts.weeks if one.week <= week]
     for condition in kept[-1].conditions if kept and kept[-1].week == week else ():
         if rank := RANK.get(condition.state):
@@ -156,8 +160,11 @@ def _findings(facts: MachineFacts, week: str, say: Texts) -> Iterator[Finding]:
                           why=f"{say.given(condition.what)} ({condition.component})")  # fmt: skip
 
 
-def _about(one: Incident) -> str:
-    return " ".join([one.title, *(event.rule.replace("_", " ") for event in one.events[:1])])
+def _subject(one: Incident) -> str:
+    """Key of the component that an incident is about, by its rules; of alarms by their words."""
+    rules = [event.rule for event in one.events]
+    found = (key for key, begins in RULES.items() if any(r.startswith(begins) for r in rules))
+    return next(found, component_of(one.component, one.title))
 
 
 def condition_since(kept: Sequence[WeekReport], key: tuple[str, str, str], state: str) -> str:
@@ -176,7 +183,7 @@ def _standing(facts: MachineFacts, say: Texts) -> Iterator[Finding]:
         still = [one for one in same if one.ended == "open"]
         if still:
             yield Finding(
-                key=component_of(still[0].where, still[0].message),
+                key=component_of(still[0].by, still[0].message),
                 rank=2 if still[0].level == "fault" else 1,
                 since=day_of(still[0].start, facts.work.time_zone), why=still[0].text,
             )  # fmt: skip

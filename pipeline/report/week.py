@@ -171,7 +171,7 @@ def _alarms(facts: MachineFacts, days: Sequence[str], say: Texts) -> list[Strip]
     """Alarms by component, repeats joined; nothing in a week without alarms."""
     kinds: dict[tuple[str, str], list[Alarm]] = {}
     for one in alarms_in(facts, week_of(days[0])):
-        kinds.setdefault((component_of(one.where, one.message), one.text), []).append(one)
+        kinds.setdefault((component_of(one.by, one.message), one.text), []).append(one)
     lanes = [key for key in KEYS if any(key == kind for kind, _ in kinds)]
     blocks = [
         _burst(burst, text, lanes.index(key), days[0], facts.work.time_zone, say)

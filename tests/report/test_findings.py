@@ -303,6 +303,22 @@ def test_an_incident_of_alarms_has_the_days_of_its_alarms_and_no_others(tmp_path
     assert sum(found.values()) == len(found) == len(seen) == 4
 
 
+def test_a_dead_sensor_is_the_sensors_and_not_the_spindle_that_it_measures(tmp_path):
+    title, where = "Temperature sensor of the spindle reports nothing", "spindle temperature"
+    found = monitored(machine(tmp_path, "m", days=5),
+                      an_incident("act", where, "2024-03-06", title, "sensor_silent"))  # fmt: skip
+    states = {one.key: one for one in component_states(machine_facts(found), ENGLISH)}
+    assert (states["sensors"].status, states["spindle"].status) == ("failed", "unknown")
+
+
+def test_an_alarm_that_stands_since_weeks_is_not_worse_than_the_week_before(tmp_path):
+    folders = machine(tmp_path, "m", days=10)  # two weeks
+    write_alarms(folders, np.array([nanoseconds("2024-03-05")]))
+    states = {one.key: one for one in component_states(machine_facts(folders), ENGLISH)}
+    where = next(one for one in states.values() if one.status == "failed")
+    assert (where.since, where.trend) == ("Tue\xa05\xa0Mar", "same")
+
+
 @pytest.mark.parametrize(
     ("until", "silent"), [("2024-03-10T06:00:00Z", False), ("2024-03-12T06:00:00Z", True)]
 )
