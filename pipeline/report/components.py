@@ -202,7 +202,7 @@ def _standing(facts: MachineFacts, say: Texts) -> Iterator[Finding]:
 def _assessed(facts: MachineFacts) -> set[str]:
     """Components that rules, lines of the condition or cleaning can say something of."""
     found: set[str] = set()
-    if facts.records.changes is not None:
+    if facts.records.changes is not None and facts.logged:
         found.add("sensors")
     if facts.monitored is not None:
         held = [name for name, one in facts.monitored.rules.items() if one.assessed_s > 0]

@@ -311,6 +311,14 @@ def test_a_dead_sensor_is_the_sensors_and_not_the_spindle_that_it_measures(tmp_p
     assert (states["sensors"].status, states["spindle"].status) == ("failed", "unknown")
 
 
+def test_sensors_of_a_machine_without_a_log_are_not_fine(tmp_path):
+    folders = machine(tmp_path, "m", days=1)
+    for path in (folders.clean / "state").iterdir():
+        path.unlink()
+    states = {one.key: one for one in component_states(machine_facts(folders), ENGLISH)}
+    assert states["sensors"].status == "unknown"
+
+
 def test_an_alarm_that_stands_since_weeks_is_not_worse_than_the_week_before(tmp_path):
     folders = machine(tmp_path, "m", days=10)  # two weeks
     write_alarms(folders, np.array([nanoseconds("2024-03-05")]))
