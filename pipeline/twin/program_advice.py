@@ -59,21 +59,23 @@ def _retracts(plan: Plan) -> Iterator[Advice]:
     cutting, end, start = np.isin(moves.kind, CUTTING), moves.end.copy(), moves.start[:, 2]
     zero = np.array([frame.translation[2] for frame in moves.frames])[moves.frame]
     top = (end[:, 2] - zero)[cutting].max()  # of the part, as far as any tool has shown it
-    for first, last in pairwise([0, *np.flatnonzero(moves.kind == Kind.TOOL_CHANGE), len(moves)]):
+    down = cutting & (end[:, 2] < start - STILL_MM)  # fed down: it begins above what it cuts
+    parts = np.flatnonzero(np.isin(moves.kind, (Kind.TOOL_CHANGE, Kind.STOP)))
+    for first, last in pairwise([0, *parts, len(moves)]):
         cuts = first + np.flatnonzero(cutting[first:last])
-        if len(cuts) > 1:
+        clear = (start - zero)[cuts[down[cuts]]].max(initial=-np.inf)
+        if len(cuts) > 1 and clear > top + STILL_MM:
             between = np.arange(cuts[0], cuts[-1])
             between = between[~cutting[between]]
-            clear = max((start - zero)[cuts].max(), top) + zero[between]
-            end[between, 2] = np.minimum(end[between, 2], clear)
+            end[between, 2] = np.minimum(end[between, 2], clear + zero[between])
     over = moves.end[:, 2] - end[:, 2]
     high = np.flatnonzero((over > STILL_MM) & (moves.end[:, 2] > start + STILL_MM))
     if len(high):
         yield _advice(
             plan, replace(moves, end=end), high,
-            f"retract no higher than the cuts of the tool begin and the part is cut: {len(high)} "
-            f"retracts go up to {over.max():.4g} mm above (in cycles G99 in place of G98)",
-            "no clamp or uncut shoulder stands higher than that between them",
+            f"retract no higher than the tool is fed down from: {len(high)} retracts "
+            f"go up to {over.max():.4g} mm above (in cycles G99 in place of G98)",
+            "no clamp and nothing uncut stands as high as that between them",
         )  # fmt: skip
 
 

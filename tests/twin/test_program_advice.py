@@ -50,17 +50,30 @@ def test_retracts_above_the_start_of_the_cuts_are_the_same_program_with_lower_on
     assert "5 retracts" in one.what and "48 mm" in one.what and "clamp" in one.assumes
 
 
-def test_what_another_tool_cut_higher_is_a_shoulder_by_program_coordinates():
+@pytest.mark.parametrize(("begins", "over"), [(2.0, 0), (31.0, 19)])
+def test_below_what_another_tool_cut_by_program_coordinates_no_retract_is_lowered(begins, over):
     writer = Writer(origin=(0, 0, 60, 0, 0, 0)).set(feed=3000.0)
     writer.to(Z=30.0).to(X=100.0).rapid(Z=60.0)  # a face at 30 above the holes
     writer.set(tool=2).row(Kind.TOOL_CHANGE).rapid(Z=150.0)
     for x, y in PLACES:  # a tool 100 longer: as high above its zero as the face plus 20
-        writer.rapid(X=x, Y=y).rapid(Z=102.0).to(Z=95.0).rapid(Z=150.0)
+        writer.rapid(X=x, Y=y).rapid(Z=100.0 + begins).to(Z=95.0).rapid(Z=150.0)
     moves = writer.moves
     longer = replace(moves.frames[0], translation=(0, 0, 100, 0, 0, 0))
     of = (moves.tool == 2).astype(np.int32)
-    one = only(advice_on(replace(moves, frames=(moves.frames[0], longer), frame=of))[1], "retract")
-    assert "up to 20 mm above" in one.what
+    _, advice = advice_on(replace(moves, frames=(moves.frames[0], longer), frame=of))
+    said = [one.what for one in advice if one.what.startswith("retract")]
+    assert len(said) == bool(over) and all(f"up to {over} mm above" in one for one in said)
+
+
+@pytest.mark.parametrize("stop", [False, True])
+def test_sides_reached_in_rapid_and_a_stop_to_measure_keep_their_retracts(stop):
+    writer = Writer(origin=(-20, -20, 50, 0, 0, 0)).set(feed=600.0)
+    for y in (0.0, 80.0) * 3:  # at one side of a part, then over it to the other
+        writer.rapid(X=-20.0, Y=y).rapid(Z=2.0 if stop else -5.0)
+        writer.to(Z=-5.0).to(X=120.0).rapid(Z=50.0)
+        if stop:
+            writer.row(Kind.STOP)
+    assert not [one for one in advice_on(writer.moves)[1] if one.what.startswith("retract")]
 
 
 def test_holes_are_visited_in_a_shorter_order_with_the_same_holes():
