@@ -171,7 +171,7 @@ def _alarms(facts: MachineFacts, days: Sequence[str], say: Texts) -> list[Strip]
     """Alarms by component, repeats joined; nothing in a week without alarms."""
     kinds: dict[tuple[str, str], list[Alarm]] = {}
     for one in alarms_in(facts, week_of(days[0])):
-        kinds.setdefault((component_of(one.by, one.message), one.text), []).append(one)
+        kinds.setdefault((component_of(one.by, one.message), one.text or one.item), []).append(one)
     lanes = [key for key in KEYS if any(key == kind for kind, _ in kinds)]
     blocks = [
         _burst(burst, text, lanes.index(key), days[0], facts.work.time_zone, say)
@@ -201,7 +201,7 @@ def _burst(burst: list[Alarm], text: str, lane: int, first: str, zone: str, say:
     shown = clock(np.array([burst[0].start, _end(burst)]), zone)
     start, end = (shown - np.datetime64(first, "ns").astype(np.int64)) / (DAY * NS)
     day, time = say.day(day_of(burst[0].start, zone)), say.clock(shown[0] // NS % DAY)
-    words = say("week.burst", len(burst), alarm=text or burst[0].item, day=day, time=time)
+    words = say("week.burst", len(burst), alarm=text, day=day, time=time)
     kind = "s-over" if any(one.level == "fault" for one in burst) else "s-warned"
     return Block(kind=kind, start=float(start), end=float(end), words=words, lane=lane)
 
@@ -304,8 +304,14 @@ def _stop_columns(facts: MachineFacts, say: Texts) -> tuple[Column[Stop], ...]:
                 if a.text and a.start <= one.end and (a.end or one.end) >= from_on]  # fmt: skip
         return say.some(list(dict.fromkeys(seen)), 1) or "–"
 
+    def since(one: Stop) -> str:
+        """Day and time by the plant's clock, as in the strip of the states."""
+        zone = facts.work.time_zone
+        at = clock(np.array([one.start]), zone)[0] // NS % DAY
+        return f"{say.day(day_of(one.start, zone))}, {say.clock(at)}"
+
     return (
-        Column(say("time.since"), lambda one: say.moment(one.start)),
+        Column(say("time.since"), since),
         Column(say("time.length"), lambda one: say.duration((one.end - one.start) / NS), ""),
         Column(say("time.state"), lambda one: _state(one.state, say)),
         Column(say("time.program"), program),

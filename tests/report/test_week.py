@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from report_folders import (
     UTC_NS,
@@ -162,6 +163,16 @@ def test_repeats_are_one_mark_and_an_alarm_that_lasts_is_drawn_to_its_end(
     assert table.text == [EN("alarms.still", count=1)]
 
 
+def test_alarms_without_a_text_are_one_mark_for_each_item(folders: MachineFolders) -> None:
+    states(folders, "2024-03-11", "UTC", ("ACTIVE", 12))
+    alarm(folders, *[("", "2024-03-11T06:00Z", "2024-03-11T06:01Z")] * 2)
+    path = folders.clean / "alarms.parquet"
+    table = pq.read_table(path).set_column(0, "data_item", pa.array(["door", "lamp"]))
+    pq.write_table(table, path)
+    said = [one for one in hovers(week_section(machine_facts(folders), EN)) if ": " in one]
+    assert [one.partition(":")[0] for one in said] == ["door", "lamp"]
+
+
 def test_alarms_of_a_machine_without_execution_states(folders: MachineFolders) -> None:
     write_alarms(folders, np.array([nanoseconds(d) for d in ("2024-03-04", "2024-03-12")]))
     facts = machine_facts(folders)
@@ -187,7 +198,10 @@ def test_a_stop_over_midnight_is_one_with_its_program_and_its_alarm(
     uses, stops = time_section(machine_facts(folders), EN).blocks
     first, second = cells(stops)
     assert first[1:] == [EN.duration(5 * HOUR), "feed hold", "O7", "CHIP JAM"]
-    assert first[0].endswith("21:00\u00a0UTC") and second[1:3] == [EN.duration(HOUR), "stopped"]
+    assert first[0] == f"{EN.day('2024-03-11')}, 22:00" and second[1:3] == [
+        EN.duration(HOUR),
+        "stopped",
+    ]
     rows = {row[0]: row[1:] for row in cells(uses)}
     assert rows["Active"] == ["23.0", "0.0", "+23.0"]
     assert rows["Ready and other"] == ["0.0", "10.0", "−10.0"]
