@@ -123,6 +123,11 @@ class MachineVerdict:
         return say("twin.state", condition=self.condition.word, twin=self.twin.word)
 
 
+def first_of(actions: list[ActionRow]) -> ActionRow:
+    """The first of some actions by their order, those at the machine before the engineers'."""
+    return next((row for row in actions if not row.engineers), actions[0])
+
+
 def passed_words(passed: int, of: int, say: Texts) -> str:
     """Number of sub-models that passed, in words."""
     if passed == of:

@@ -10,7 +10,14 @@ from markupsafe import Markup
 from pipeline.charts import svg
 from pipeline.charts.sections import NOW
 from pipeline.report.components import RANK, component_states, days_of_incident
-from pipeline.report.facts import AT_MACHINE, ActionRow, MachineFacts, MachineVerdict, Status
+from pipeline.report.facts import (
+    AT_MACHINE,
+    ActionRow,
+    MachineFacts,
+    MachineVerdict,
+    Status,
+    first_of,
+)
 from pipeline.report.folders import MachineFolders
 from pipeline.report.texts import ENGLISH, Texts
 from pipeline.schema.days import day_of
@@ -45,7 +52,7 @@ class FleetRow:
     @property
     def first(self) -> ActionRow | None:
         """The action that comes first; None without any."""
-        return next(iter(self.verdict.actions), None)
+        return first_of(self.verdict.actions) if self.verdict.actions else None
 
     @property
     def urgency(self) -> tuple[int, bool, int, str]:

@@ -29,7 +29,7 @@ from pipeline.schema.si import DAY, NS
 
 MOST_ACTIONS = 5
 """Actions that stand on the page at once; the others open on demand."""
-MOST_CHANGES = 4
+MOST_CHANGES = 3
 """Changes on the page; all of them are on that of the records."""
 
 

@@ -26,6 +26,7 @@ from pipeline.report.facts import (
     StateLine,
     Status,
     already,
+    first_of,
     passed_words,
 )
 from pipeline.report.folders import RECORDS, evidence_page, link
@@ -87,6 +88,8 @@ def _incidents(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
         act, check = one.severity == "act", say.given(one.check.rstrip("."))
         why, what = say("action.incident_why", title=say.given(one.title)), check
         if name is not None:
+            often = one.title.partition(" comes again: ")[2]
+            why = say("action.incident_why", title=often) if often else why
             what = say("action.recurs", alarm=name, check=f"{check[:1].lower()}{check[1:]}")
         elif one.found:
             why = f"{why} {one.found}."
@@ -377,7 +380,7 @@ def _first(actions: list[ActionRow], say: Texts) -> str:
     """What comes first, in a sentence."""
     if not actions:
         return say("actions.none")
-    one = actions[0]
+    one = first_of(actions)
     return say("read.first", what=one.action.what.rstrip(".?"), where=one.where(say),
                until=one.until(say), who=one.who(say))  # fmt: skip
 
