@@ -336,9 +336,10 @@ class MachineFacts:
 
     @property
     def doubtful_items(self) -> list[Changed]:
-        """Data items of which cleaning removed many values, by its rules."""
-        days = max(1, len(self.work.worked_days))
-        return [one for one in self.records.changes or [] if one.count > REMOVED_A_DAY * days]
+        """Data items of which cleaning removed many values by its rules, lastly in seven days."""
+        days, since = max(1, len(self.work.worked_days)), (self.work.last or 0.0) - WEEK_S
+        many = [one for one in self.records.changes or [] if one.count > REMOVED_A_DAY * days]
+        return [one for one in many if one.last >= since * NS]
 
     @property
     def off(self) -> bool:

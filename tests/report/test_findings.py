@@ -152,6 +152,17 @@ def test_a_sensor_that_often_reads_wrong_is_named(tmp_path):
     assert "Xload 9 values were removed" not in text
 
 
+def test_a_sensor_that_reads_right_since_weeks_is_in_doubt_no_more(tmp_path):
+    folders = machine(tmp_path, "m", days=4)
+    for age, doubted in ((5, 1), (20, 0)):
+        last = nanoseconds("2024-03-07") - age * 86_400 * 10**9
+        write_table(folders.clean / "audit.parquet", {
+            "data_item": ["S1temp"] * 400, "rule": ["zero"] * 400,
+            "time": pa.array([last] * 400, UTC_NS),
+        })  # fmt: skip
+        assert len(machine_facts(folders).doubtful_items) == doubted
+
+
 def test_alarms_are_counted_by_kind_with_what_is_still_active_first(tmp_path):
     text, page = reported(tmp_path, machine(tmp_path, "m", days=4)), tmp_path / "out" / "m.html"
     assert "The control reported 1 fault and 3 warnings; the longest was 217" in every_word(
