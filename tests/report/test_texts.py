@@ -80,7 +80,7 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> list[MachineFolders]:
         {
             "data_item": ["S1temp"] * 900,
             "rule": ["zero"] * 900,
-            "time": pa.array([nanoseconds("2024-03-04")] * 900, UTC_NS),
+            "time": pa.array([nanoseconds("2024-03-10")] * 900, UTC_NS),
         },
     )
     (bad.clean / "summary.json").write_text(
@@ -170,7 +170,7 @@ def test_pages_are_written_in_each_language(
     lead = words(out / "mill02.html")
     assert say("actions.title") in lead and say("score.title") in lead
     why = say("action.sensor_why", 900, rule=say("rule.zero"), a_day=say.number(90),
-              moment=say.moment("2024-03-04T00:00:00Z"))  # fmt: skip
+              moment=say.moment("2024-03-10T00:00:00Z"))  # fmt: skip
     assert why.replace("\xa0", " ") in lead
     assert f"2{say('format.decimal')}80 K" in lead  # the mean error on the worst day
     evidence = out / "mill02_spindle.html"
