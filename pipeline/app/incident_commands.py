@@ -40,7 +40,7 @@ def incidents(
         some = _since(found, since)
         to.json([asdict(one) for one in some], json)
         texts = {lines: lambda: "".join(f"{json_line(one)}\n" for one in some),
-                 email: lambda: email_text(some, machine, time.time())}  # fmt: skip
+                 email: lambda: email_text(_of_machine(some), machine, time.time())}  # fmt: skip
         for path, text in texts.items():
             if path is not None:
                 file = to.file(path) or path
@@ -56,6 +56,11 @@ def incidents(
                 to.say(f"not assessed: {name.replace('_', ' ')}: {rule.not_assessed}")
     if any(one.severity == "act" for one in some):
         raise typer.Exit(ACTS)
+
+
+def _of_machine(some: "list[Incident]") -> "list[Incident]":
+    """Incidents of the machine; notes on operation are in the list alone."""
+    return [one for one in some if one.severity != "note"]
 
 
 @app.command(rich_help_panel=kerf.RECORDS)
@@ -76,7 +81,7 @@ def deliver(
         to.ready(json)
         secret = os.environ.get(SECRET, "").encode()
         hook = Webhook(url=webhook, secret=secret, timeout_s=timeout, attempts=attempts)
-        some = _since(_monitored(machine), since)
+        some = _of_machine(_since(_monitored(machine), since))
         sent = deliver_incidents(some, hook, DATA / f"delivered/{machine}.jsonl",
                                  now=time.time, wait=time.sleep)  # fmt: skip
         to.json([asdict(one) for one in sent], json)

@@ -15,6 +15,7 @@ from pipeline.report.components import (
     condition_since,
     days_of_incident,
     week_incidents,
+    weeks_worked,
 )
 from pipeline.report.drift import drift_actions
 from pipeline.report.facts import (
@@ -127,7 +128,8 @@ def _alarms(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
 
 def _conditions(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
     """Quantities of the newest week that are beyond a line."""
-    newest = facts.weeks[-1] if facts.weeks else None
+    weeks = weeks_worked(facts)
+    newest = next((one for one in facts.weeks if weeks and one.week == weeks[-1]), None)
     for one in () if newest is None else newest.conditions:
         act = one.state == "act"
         line = one.alarm if act else one.alert
@@ -360,6 +362,10 @@ def _condition(facts: MachineFacts, parts: list[ComponentState], say: Texts) -> 
         for status in LOOKS
     }
     status: Status = next((one for one in LOOKS if names[one]), "unknown")
+    alone = [one for one in parts if one.word == say("component.no_alarm")]
+    for one in alone:  # nothing but its alarms was assessed
+        names["passed"].remove(say(f"component.{one.key}"))
+        names["unknown"].append(say(f"component.{one.key}"))
     acts, watched, fine, rest = map(say.joined, names.values())
     key = "both" if acts and watched else "act" if acts else "watch" if watched else "nothing"
     if key == "nothing" and fine:

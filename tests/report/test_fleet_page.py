@@ -155,7 +155,7 @@ def test_two_hundred_machines_stand_in_one_line_each_the_urgent_first(tmp_path: 
 
 def test_a_row_has_the_whole_first_action_its_deadline_and_owner(tmp_path: Path) -> None:
     text = words(page_of(tmp_path, 3))
-    assert "Record more: Spindle and 1 more before its figures are used ML engineer" in text
+    assert "Clear the fault: Spindle and 1 more now maintenance" in text
 
 
 def test_the_greater_risk_comes_first_within_a_group(tmp_path: Path) -> None:

@@ -55,6 +55,12 @@ def states(**of: Status) -> list[ComponentState]:
         (states(axes="passed", tools="unknown"), "passed", "quiet", "not assessed: Tools."),
         (states(axes="attention", tools="passed"), "attention", "watch", "Watch: Axes."),
         (states(axes="attention", tools="failed"), "failed", "act", "Act on: Tools. Watch: Axes."),
+        (
+            [ComponentState(key="axes", status="passed", word="no alarm")],
+            "passed",
+            "quiet",
+            "was assessed.",
+        ),
         (states(axes="unknown"), "unknown", "not assessed yet", "was assessed."),
     ],
 )
