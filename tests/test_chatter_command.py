@@ -236,3 +236,11 @@ def test_the_page_shows_the_spectrum_with_its_lines_and_every_stretch(tmp_path: 
     done = CliRunner().invoke(app, ["chatter", str(file), "--teeth", "3", "--speed", "6000",
                                     "--page", str(file)])  # fmt: skip
     assert done.exit_code == 2 and "is read: name another file" in " ".join(done.output.split())
+
+
+def test_a_file_without_a_row_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    file = tmp_path / "x.csv"
+    file.write_text("time,acc\n")
+    done = CliRunner().invoke(app, ["chatter", str(file), "--teeth", "3", "--speed", "6000"])
+    assert done.exit_code == 2 and "Traceback" not in done.output
+    assert str(file) in "".join(done.output.split()) and "zero-size" not in done.output

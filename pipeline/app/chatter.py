@@ -103,6 +103,8 @@ def chatter_of(
     used = list(channels) or [n for n in numbers if n not in times and n != speed]
     if not used:
         raise ValueError(f"{file} has no column of vibration, force or sound: name one, --channel")
+    if not table.num_rows or not np.isfinite(time).any():
+        raise ValueError(f"{file} has no row of numbers with a time: name another recording")
     values = np.stack([numbers[name] for name in used])
     speeds = np.broadcast_to(rpm, time.shape)
     good, origin = np.isfinite(values).all(axis=0) & np.isfinite(time), float(np.nanmin(time))

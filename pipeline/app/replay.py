@@ -1,6 +1,7 @@
 """Command ``kerf replay``: a span of production, its models, what explains the residual."""
 
 from collections.abc import Iterator, Mapping
+from datetime import datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -65,6 +66,9 @@ def replayed(machine: str, first: str, last: str, other: str, out: Path) -> Repl
     days, *lent = (tuple(day for day in sorted(state.days)
                          if day_start(day, zone) / NS < end and day_end(day, zone) / NS > begin)
                    for begin, end in spans)  # fmt: skip
+    if lent and not lent[0]:
+        raise ValueError(f"no records in --with {other}: there are days from {min(state.days)} to "
+                         f"{max(state.days)}")  # fmt: skip
     if not days:
         raise ValueError(f"no records from {first} to {last}: there are days from "
                          f"{min(state.days)} to {max(state.days)}")  # fmt: skip
@@ -116,16 +120,17 @@ def replayed(machine: str, first: str, last: str, other: str, out: Path) -> Repl
 def _span(text: str, zone: str) -> tuple[float, float]:
     """Begin and end [s since 1970] of ``DAY..DAY``, or times of the plant."""
     ends = []
+    text = text if ".." in text else f"{text}..{text}"
     for one, of_day in zip(text.split("..", 1), (day_start, day_end), strict=False):
         try:
-            time = pd.Timestamp(one)
+            time = pd.Timestamp(datetime.fromisoformat(one))
             time = time if time.tzinfo else time.tz_localize(zone)
         except (ValueError, TypeError) as error:
             raise ValueError(f"{one!r} is neither a day nor a time of the plant: write it as "
                              "2026-03-09 or 2026-03-09T10:30") from error  # fmt: skip
         ends.append((of_day(one, zone) if is_day(one) else time.as_unit("ns").value) / NS)
     if len(ends) < 2 or ends[1] <= ends[0]:
-        raise ValueError(f"{text} does not go from a day to a later one: write it as "
+        raise ValueError(f"{text} names no end after its begin: write it as "
                          "2026-01-05..2026-01-09")  # fmt: skip
     return ends[0], ends[1]
 

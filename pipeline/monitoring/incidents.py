@@ -314,7 +314,7 @@ def _alarm_incident(
                                      rows["end"].astype(int).tolist(), rows["level"], strict=True)
     ]  # fmt: skip
     growth = "" if grew is None else (
-        f"; {grew[0]:.0f} min in the last week, {grew[1]:.0f} min in the week before")  # fmt: skip
+        f"; {grew[0]:.0f} min in its last 7 days, {grew[1]:.0f} min in the 7 before")  # fmt: skip
     when = f"{days} days" if days > 1 else "one day"
     when += ", never while a program ran" * operation
     longest = float((rows["end"] - rows["start"]).max()) / NS

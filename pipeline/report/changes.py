@@ -77,7 +77,7 @@ class KeyFigures:
 
     format: int
     machines: Machines
-    compared_with: Machines = field(default_factory=dict)
+    compared_with: Machines | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,7 +167,7 @@ def earlier(last: KeyFigures | str, machine: str, now: MachineFigures) -> Earlie
     if isinstance(last, str):
         return Earlier(figures=None, why_not=last)
     same = last.machines.get(machine) == now
-    return Earlier(figures=(last.compared_with if same else last.machines).get(machine),
+    return Earlier(figures=((last.compared_with or {}) if same else last.machines).get(machine),
                    why_not="changes.first")  # fmt: skip
 
 

@@ -116,6 +116,8 @@ def component_states(facts: MachineFacts, say: Texts) -> list[ComponentState]:
     """State of each component in the newest week; the gravest finding decides."""
     weeks = weeks_worked(facts)
     found = [*(_findings(facts, weeks[-1], say) if weeks else ()), *_standing(facts, say)]
+    if weeks:
+        found += _faults(facts, weeks[-1], say)
     alarms = {component_of(where) for where in facts.alarms.watched}
     before = None
     if len(weeks) > 1:
@@ -175,6 +177,20 @@ def condition_since(kept: Sequence[WeekReport], key: tuple[str, str, str], state
             break
         since = min(report.days, default=since)
     return since
+
+
+def _faults(facts: MachineFacts, week: str, say: Texts) -> Iterator[Finding]:
+    """Faults of a week that are no incident, since they came once or twice."""
+    zone = facts.work.time_zone
+    known = [one.title for one in ([] if facts.monitored is None else facts.monitored.incidents)]
+    for same in facts.alarms.kinds:
+        own = [one for one in same if one.level == "fault" and one.ended != "open"
+               and week_of(day_of(one.start, zone)) == week]  # fmt: skip
+        if own and own[0].text and not any(own[0].text in title for title in known):
+            since = day_of(own[0].start, zone)
+            why = say("component.fault", len(own), alarm=own[0].text, day=say.day(since))
+            key = component_of(own[0].by, own[0].message)
+            yield Finding(key=key, rank=1, since=since, why=why)
 
 
 def _standing(facts: MachineFacts, say: Texts) -> Iterator[Finding]:

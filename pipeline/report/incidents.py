@@ -10,7 +10,7 @@ from pipeline.charts.tables import Cell, Column, sources, tabulated
 from pipeline.report.folders import MachineFolders
 from pipeline.schema.incident import Event, Incident, Monitored, RuleState
 
-State = tuple[Literal["failed", "attention", "passed"], str, list[str]]
+State = tuple[Literal["failed", "attention", "passed", "unknown"], str, list[str]]
 """Status, word and sentences of a page."""
 INCIDENTS = "incidents"
 """Subject of the page."""
@@ -66,6 +66,8 @@ def _state(found: Monitored) -> State:
     if recent:
         words = f"{counted(len(recent), 'incident')} of the last day of records to watch."
         return "attention", "watch", [words]
+    if not any(one.assessed_s for one in found.rules.values()):
+        return "unknown", "not assessed", ["No rule could be held against these records."]
     return "passed", "quiet", ["No incident on the last day of records."]
 
 

@@ -288,7 +288,7 @@ def counting_figure(one: ModelledPart, say: Texts) -> Counts:
             value=worst.shown, limit=worst.limit_shown, baseline=beside,
             place=_place(score.group, say),
             interval=_interval(verdict, say, score), passed_limit=worst.value > worst.limit,
-            worse=_also(_bias(worst, say), _worse(worse_elsewhere(verdict, worst), say)),
+            worse=_also(_bias(worst, say), _worse(worse_elsewhere(verdict, worst), score, say)),
         )  # fmt: skip
     interval = "" if verdict is None else _interval(verdict, say)
     if not one.page.key_figures or verdict is None:
@@ -312,9 +312,12 @@ def _bias(worst: WorstError, say: Texts) -> str:
     return say("score.bias", value=f"{'+' if bias > 0 else MINUS}{size}")
 
 
-def _worse(found: WorstError | None, say: Texts) -> str:
+def _worse(found: WorstError | None, shown: Score, say: Texts) -> str:
     """An error that is larger than the one shown, on other records; empty without one."""
-    return "" if found is None else say("score.worse", value=found.shown)
+    if found is None:
+        return ""
+    regime = found.score.regime if found.score.regime != shown.regime else ""
+    return say("score.worse", value=f"{found.shown} {say.given(regime)}".rstrip())
 
 
 def _place(group: str, say: Texts) -> str:

@@ -17,11 +17,11 @@ from pipeline.report.condition import first_of
 from pipeline.report.facts import MachineFacts
 from pipeline.report.texts import Texts
 from pipeline.report.twin_state import HEAT, SHOWN, days_since, parts_by, state_rows, strip_of
-from pipeline.report.work import BIN, NO_RECORD, Day, days_between
+from pipeline.report.work import BIN, NO_RECORD, STOPPED, Day, days_between
 from pipeline.report.work_section import state_class
 from pipeline.schema.arrays import Floats
 from pipeline.schema.condition import week_of
-from pipeline.schema.days import clock, day_of, day_start, instant
+from pipeline.schema.days import clock, day_of, day_start
 from pipeline.schema.si import DAY, NS
 
 STEP = "5min"
@@ -31,6 +31,7 @@ BURST_S = 1800.0
 LEAST_SHARE = 0.1
 """Share of a step that must be known."""
 STOPS = 3
+MOST_FAULTS = 4
 """Stops, and alarms, that are named."""
 LEGEND = (
     ("s-active", "active", "box"), ("s-ready", "ready", "box"), ("s-hold", "hold", "box"),
@@ -40,7 +41,6 @@ LEGEND = (
     ("s-most", "most", "box"), ("s-over", "fault", "box"), ("s-warned", "warning", "box"),
 )  # fmt: skip
 """Class of what is drawn, key of its words, shape; the legend holds those that occur."""
-STOPPED = ("FEED_HOLD", "INTERRUPTED", "STOPPED", "PROGRAM_STOPPED", "OPTIONAL_STOP")
 
 
 def week_days(week: str) -> list[str]:
@@ -228,7 +228,7 @@ def time_section(facts: MachineFacts, say: Texts) -> Section:
             rows.append(Use(name=say(f"time.{kind}"), each=each))
     made = sources(facts.shelf, *facts.work.state_files)
     uses = tabulated(say("time.table", count=len(days[-1])), rows, _use_columns(weeks, say), made)
-    stops = sorted(_stops(facts, days[-1]), key=lambda one: (one.start - one.end, one.start))
+    stops = sorted(_stops(days[-1]), key=lambda one: (one.start - one.end, one.start))
     named = tabulated(say("time.stops"), stops[:STOPS], _stop_columns(facts, say), made,
                       folded=True)  # fmt: skip
     return Section(key="time", title=say("time.title"), blocks=present(uses, named))
@@ -277,16 +277,15 @@ class Stop:
     end: int
 
 
-def _stops(facts: MachineFacts, days: Sequence[Day]) -> list[Stop]:
+def _stops(days: Sequence[Day]) -> list[Stop]:
     """Runs of one stopped state, over midnight too."""
     found: list[Stop] = []
     for day in days:
-        for state, *places in day.runs:
-            start, end = (instant(day.day, BIN * x, facts.work.time_zone) for x in places)
-            if state in STOPPED and found and (found[-1].state, found[-1].end) == (state, start):
-                found[-1] = replace(found[-1], end=end)
-            elif state in STOPPED:
-                found.append(Stop(state=state, start=start, end=end))
+        for state, start, end in day.stops:
+            if found and (found[-1].state, found[-1].end) == (state, start * NS):
+                found[-1] = replace(found[-1], end=end * NS)
+            else:
+                found.append(Stop(state=state, start=start * NS, end=end * NS))
     return found
 
 
@@ -336,7 +335,9 @@ def alarms_of_week(facts: MachineFacts, say: Texts) -> Section | None:
     now = [row for row in kinds.items() if row[1][0]]
     most = sorted(now, key=lambda row: -_seconds_of(row[1][0]))[:STOPS]
     often = sorted(now, key=lambda row: -len(row[1][0]))[:STOPS]
-    rows = [*most, *(row for row in often if row not in most)]
+    faults = [row for row in now if row[0][0] == "fault"][:MOST_FAULTS]
+    rows = [*most, *(row for row in [*often, *faults] if row not in most)]
+    rows = [row for k, row in enumerate(rows) if row not in rows[:k]]
     made = sources(facts.shelf, facts.folders.clean / "alarms.parquet")
     caption = say("alarms.of_week", count=sum(len(row[1][0]) for row in now))
     still = sum(one.ended == "open" for one in facts.alarms.alarms)

@@ -20,6 +20,10 @@ STANDS_BELOW = 1.0  # rev/min; slower is standing still, within what encoders sa
 USUAL_SHARE = 0.1
 """Running time of a day that counts as worked, over that of the median day [1]."""
 NO_RECORD = "no record"
+STOPPED = ("FEED_HOLD", "INTERRUPTED", "STOPPED", "PROGRAM_STOPPED", "OPTIONAL_STOP")
+"""States in which a program stands, or a machine that is on."""
+LEAST_STOP_S = 60
+"""Least length of a stop that is kept [s]."""
 NO_NAME = "(no name)"
 UNUSED = np.iinfo(np.int64).min
 STATES = "data/clean state table"
@@ -42,6 +46,10 @@ class Day:
     speed: np.ndarray
     held: np.ndarray
     """Mean speed [rev/min] and share of the time under position control [1] in each bin."""
+    stops: list[tuple[str, int, int]] = field(default_factory=list)
+    """State, begin and end of each stop [s since 1970]."""
+    end: int | None = None
+    """End of the last known second of execution [s since 1970]."""
     kinds: dict[str, float] = field(default_factory=dict)
     """Time in each kind of segment [s]."""
 
@@ -103,8 +111,10 @@ class Work:
 
     @property
     def last(self) -> float | None:
-        """End of the last step with a known execution state [s] since 1970; None without one."""
+        """End of the last known second of execution [s] since 1970; None without one."""
         for day in reversed(self.days):
+            if day.end is not None:
+                return float(day.end)
             ends = [end for state, _, end in day.runs if state != NO_RECORD]
             if ends:
                 return instant(day.day, BIN * max(ends), self.time_zone) / NS
@@ -216,6 +226,7 @@ def _day(
     runs = (np.abs(speed) > STANDS_BELOW) & ~(held > 0.5)
     _use_of_cycles(times, np.isfinite(speed), runs, cycles, used)
     known = bool(np.isfinite(speed).any())
+    heard = np.flatnonzero(execution != NO_RECORD)
     return Day(
         day=path.stem,
         seconds=_seconds(execution, day_end(path.stem, zone) - day_start(path.stem, zone)),
@@ -223,6 +234,8 @@ def _day(
         position_control=float((held > 0.5).sum()) if np.isfinite(held).any() else None,
         speed_known=float(np.isfinite(speed).sum()) if known else None,
         runs=_runs(execution, place),
+        stops=_stops(execution, times),
+        end=int(times[heard[-1]]) + 1 if len(heard) else None,
         speed=_binned(np.abs(speed), place),
         held=_binned(held, place),
         kinds=kinds,
@@ -258,6 +271,18 @@ def _runs(execution: np.ndarray, place: np.ndarray) -> list[tuple[str, int, int]
     edges = np.flatnonzero(np.diff(main)) + 1
     starts, ends = np.append(0, edges), np.append(edges, len(main))
     return [(str(words[main[a]]), int(a), int(b)) for a, b in zip(starts, ends, strict=True)]
+
+
+def _stops(execution: np.ndarray, times: np.ndarray) -> list[tuple[str, int, int]]:
+    if not len(times):
+        return []
+    edges = np.flatnonzero((execution[1:] != execution[:-1]) | (np.diff(times) > 1)) + 1
+    starts, ends = np.append(0, edges), np.append(edges, len(times)) - 1
+    return [
+        (str(execution[a]), int(times[a]), int(times[b]) + 1)
+        for a, b in zip(starts, ends, strict=True)
+        if execution[a] in STOPPED and times[b] + 1 - times[a] >= LEAST_STOP_S
+    ]  # fmt: skip
 
 
 def _binned(values: np.ndarray, place: np.ndarray) -> np.ndarray:

@@ -314,7 +314,7 @@ def test_alarms_that_are_rare_or_of_another_item_do_not_recur(tmp_path: Path) ->
 def test_an_alarm_of_more_minutes_than_in_the_week_before_is_one(tmp_path: Path) -> None:
     rows = [("x", "warning", "2026-01-05T08:00", 3.0), ("x", "warning", "2026-01-13T08:00", 40.0)]
     (one,) = alarms(tmp_path, *rows)
-    assert "40 min in the last week, 3 min in the week before" in one.title
+    assert "40 min in its last 7 days, 3 min in the 7 before" in one.title
     assert one.severity == "watch"
 
 

@@ -207,8 +207,12 @@ def test_what_cannot_be_replayed_is_one_sentence(root: Path, tmp_path: Path) -> 
         "2025-01-01", "2025-01-02"
     )
     assert "'noon' is neither a day nor a time" in said("noon", "2026-01-22")
-    assert "does not go from a day to a later one" in said("2026-01-22", "2026-01-21")
-    assert "does not go from a day" in said("2026-01-21", "2026-01-22", "--with", "2026-01-19")
+    assert "names no end after its begin" in said("2026-01-22", "2026-01-21")
+    assert "'22.1.2026' is neither a day nor a time" in said("2026-01-21", "22.1.2026")
+    lent = ("--with", "2025-01-05..2025-01-09")
+    assert "no records in --with 2025-01-05..2025-01-09" in said("2026-01-21", "2026-01-22", *lent)
+    back = ("--with", "2026-01-19..2026-01-18")
+    assert "names no end after its begin" in said("2026-01-21", "2026-01-22", *back)
     assert "has nothing to compare" in said("2026-01-22T20:00", "2026-01-22T21:00")
     days = {day: replace(one, role="held_out") for day, one in known.days.items()}
     write_json(replace(known, days=days), state)

@@ -240,7 +240,7 @@ def test_a_figure_that_is_worse_on_other_records_stands_beside_the_one_that_deci
     write_report([folders], FLEET, None, tmp_path / "out")
     page = tmp_path / "out" / "m.html"
     said = "0.900 K of 2 K on Thu 7 Mar (elsewhere up "
-    assert f"{said}to 1.20 K)" in words(page)
+    assert f"{said}to 1.20 K free run)" in words(page)
 
 
 @pytest.mark.parametrize("announced", [True, False])
@@ -302,6 +302,18 @@ def test_incidents_of_the_week_are_actions_by_risk_and_states_of_their_component
     assert (states["axes"].status, states["axes"].since) == ("failed", "Wed\xa06\xa0Mar")
     assert states["axes"].why == "Friction rises, and 1 more"
     assert states["spindle"].status != "failed"
+
+
+def test_a_fault_that_came_once_is_to_be_watched_on_its_component(tmp_path):
+    folders = monitored(machine(tmp_path, "m", days=5))
+    write_alarms(folders, np.array([nanoseconds("2024-03-05") + 9 * 3600 * 10**9]))
+    facts = machine_facts(folders)
+    once = replace(facts.alarms.alarms[0], level="fault", item="spindle_c", where="Rotary C",
+                   code="53", message="OVERLOAD", ended="normal", end=None)  # fmt: skip
+    facts = replace(facts, alarms=replace(facts.alarms, alarms=[once]))
+    states = {one.key: one for one in component_states(facts, ENGLISH)}
+    assert states["spindle"].status == "attention"
+    assert states["spindle"].why.replace("\xa0", " ") == "Fault 53 OVERLOAD: once, Tue 5 Mar"
 
 
 def test_an_incident_of_alarms_has_the_days_of_its_alarms_and_no_others(tmp_path):

@@ -241,3 +241,16 @@ def test_a_week_that_is_older_than_twelve_is_not_counted(folders: MachineFolders
     found = weeks_section(facts.folders, facts.shelf, (old, one), EN)
     assert found is not None and found.title == EN("weeks.title", count=1, all=12)
     assert found.blocks[0].figures[0].caption == "axis X, load: 9.00\u00a0%"  # type: ignore[union-attr]
+
+
+def test_a_stop_has_its_own_seconds_and_the_log_its_own_end(tmp_path: Path) -> None:
+    """A hold of 344 s within the steps of five minutes of the strips."""
+    start = nanoseconds("2024-03-05") // 10**9 + 7 * 3600
+    states = ["ACTIVE"] * 100 + ["FEED_HOLD"] * 344 + ["ACTIVE"] * 59 + ["STOPPED"] * 30
+    folders = empty_machine(tmp_path, "m", "recorded")
+    times = pa.array((start + np.arange(len(states))) * 10**9, pa.timestamp("ns", "UTC"))
+    write_table(folders.clean / "state" / "2024-03-05.parquet",
+                {"time": times, "execution": pa.array(states)})  # fmt: skip
+    done = machine_facts(folders).work
+    assert done.days[0].stops == [("FEED_HOLD", start + 100, start + 444)]
+    assert done.last == start + len(states)
