@@ -362,6 +362,9 @@ def _condition(facts: MachineFacts, parts: list[ComponentState], say: Texts) -> 
         for status in LOOKS
     }
     status: Status = next((one for one in LOOKS if names[one]), "unknown")
+    others = {one.status for one in parts if one.key != "sensors"}
+    if status == "passed" and others == {"unknown"}:  # readings that are sound say nothing of it
+        status, names["passed"] = "unknown", []
     alone = [one for one in parts if one.word == say("component.no_alarm")]
     for one in alone:  # nothing but its alarms was assessed
         names["passed"].remove(say(f"component.{one.key}"))

@@ -61,6 +61,7 @@ def states(**of: Status) -> list[ComponentState]:
             "quiet",
             "was assessed.",
         ),
+        (states(sensors="passed", axes="unknown"), "unknown", "not assessed yet", "was assessed."),
         (states(axes="unknown"), "unknown", "not assessed yet", "was assessed."),
     ],
 )
