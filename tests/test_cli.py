@@ -887,11 +887,14 @@ def test_what_conf_composes_to_is_kept_by_its_content(
     assert changed["machine"][MACHINE]["identity"]["description"] == "other"
 
 
-def test_a_command_that_takes_long_says_what_it_is_about(
+def test_a_command_that_takes_long_says_what_it_is_about_to_who_looks_on(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for patience, line in ((60.0, ""), (0.0, "scoring …\n")):
+    for patience, terminal, line in (
+        (60.0, True, ""), (0.0, True, "scoring …\n"), (0.0, False, ""),
+    ):  # fmt: skip
         monkeypatch.setattr(kerf_options, "PATIENCE_S", patience)
+        monkeypatch.setattr(sys.stderr, "isatty", lambda here=terminal: here)
         with kerf_options.progress_line("scoring"):
             for timer in threading.enumerate() if not patience else []:
                 if isinstance(timer, threading.Timer):

@@ -280,10 +280,10 @@ PATIENCE_S = 2.0
 
 @contextmanager
 def progress_line(what: str) -> Iterator[None]:
-    """A line on standard error once something takes longer than ``PATIENCE_S``; none if quiet."""
+    """A line once something takes longer than ``PATIENCE_S``; none if quiet, or nobody looks on."""
     timer = Timer(PATIENCE_S, partial(typer.echo, f"{what} …", err=True))
     timer.daemon = True
-    if LOG.level < ERROR:
+    if LOG.level < ERROR and sys.stderr.isatty():
         timer.start()
     try:
         yield
