@@ -3,6 +3,7 @@
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import cache, cached_property
 from hashlib import sha256
 from pathlib import Path
@@ -60,8 +61,9 @@ class ByContent(caching._CacheLocator):
         """Make the folder before a loop is kept, and throw away those that are old."""
         super().ensure_cache_path()
         for old in Path(self.get_cache_path()).iterdir():
-            if time.time() - old.stat().st_mtime > KEPT_S:
-                old.unlink(missing_ok=True)
+            with suppress(FileNotFoundError):  # another process may be done with a file of its own
+                if time.time() - old.stat().st_mtime > KEPT_S:
+                    old.unlink()
 
     def get_cache_path(self) -> str:
         """Folder of all loops."""

@@ -164,3 +164,16 @@ def test_types_of_arguments_survive_json() -> None:
     assert [_type(json.loads(json.dumps(_written(one)))) for one in kinds] == kinds
     assert all(map(_is_readable, kinds))
     assert not _is_readable(types.IntEnumMember(DriveColumn, types.int64))
+
+
+def test_a_file_that_another_process_takes_away_meanwhile_is_no_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Numba writes beside and renames: what was listed may be gone when it is looked at."""
+    monkeypatch.setenv("KERF_CACHE", str(tmp_path))
+    place = kernels.ByContent(test_a_file_that_another_process_takes_away_meanwhile_is_no_error,
+                              __file__)  # fmt: skip
+    place.ensure_cache_path()
+    gone = tmp_path / "loops/loop.nbc.tmp.1"
+    monkeypatch.setattr(Path, "iterdir", lambda folder: iter([gone]))
+    place.ensure_cache_path()
