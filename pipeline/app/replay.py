@@ -129,7 +129,7 @@ def _span(text: str, zone: str) -> tuple[float, float]:
             raise ValueError(f"{one!r} is neither a day nor a time of the plant: write it as "
                              "2026-03-09 or 2026-03-09T10:30") from error  # fmt: skip
         ends.append((of_day(one, zone) if is_day(one) else time.as_unit("ns").value) / NS)
-    if len(ends) < 2 or ends[1] <= ends[0]:
+    if ends[1] <= ends[0]:
         raise ValueError(f"{text} names no end after its begin: write it as "
                          "2026-01-05..2026-01-09")  # fmt: skip
     return ends[0], ends[1]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -81,16 +81,24 @@ def weeks_worked(facts: MachineFacts) -> list[str]:
     return sorted({week_of(one.day) for one in facts.work.worked_days})
 
 
-def week_incidents(facts: MachineFacts, week: str = "") -> list[Incident]:
-    """Incidents to act on or to watch that lie in a calendar week, the newest one by default."""
+def week_incidents(
+    facts: MachineFacts, week: str = "", severities: Collection[str] = tuple(RANK)
+) -> list[Incident]:
+    """Incidents of some severities that lie in a calendar week, the newest one by default."""
     weeks = weeks_worked(facts)
     if facts.monitored is None or not weeks:
         return []
     week, zone = week or weeks[-1], facts.work.time_zone
     return [
-        one for one in facts.monitored.incidents if one.severity in RANK
+        one for one in facts.monitored.incidents if one.severity in severities
         and week_of(day_of_text(one.start, zone)) <= week <= week_of(day_of_text(one.end, zone))
     ]  # fmt: skip
+
+
+def alarm_of(one: Incident) -> str | None:
+    """Code and message of the alarm that an incident is of; None of one of rules."""
+    return next((event.words.get("alarm", "") for event in one.events if event.rule == "alarm"),
+                None)  # fmt: skip
 
 
 def days_of_incident(facts: MachineFacts, one: Incident) -> Counter[str]:
@@ -98,11 +106,11 @@ def days_of_incident(facts: MachineFacts, one: Incident) -> Counter[str]:
 
     Of a long incident some events are kept; what lay between counts as one time a day.
     """
-    zone = facts.work.time_zone
-    if any(event.rule == "alarm" for event in one.events):
+    zone, name = facts.work.time_zone, alarm_of(one)
+    if name is not None:
         return Counter(
             day_of(alarm.start, zone) for alarm in facts.alarms.alarms
-            if alarm.by == one.component and alarm.text and alarm.text in one.title
+            if alarm.by == one.component and (alarm.text or alarm.item) == name
         )  # fmt: skip
     spans = [(event.start, event.end) for event in one.events] or [(one.start, one.end)]
     ends = [tuple(day_of_text(at, zone) for at in span) for span in spans]
@@ -182,11 +190,11 @@ def condition_since(kept: Sequence[WeekReport], key: tuple[str, str, str], state
 def _faults(facts: MachineFacts, week: str, say: Texts) -> Iterator[Finding]:
     """Faults of a week that are no incident, since they came once or twice."""
     zone = facts.work.time_zone
-    known = [one.title for one in ([] if facts.monitored is None else facts.monitored.incidents)]
+    known = {alarm_of(one) for one in week_incidents(facts, week, ("act", "watch", "note"))}
     for same in facts.alarms.kinds:
         own = [one for one in same if one.level == "fault" and one.ended != "open"
                and week_of(day_of(one.start, zone)) == week]  # fmt: skip
-        if own and own[0].text and not any(own[0].text in title for title in known):
+        if own and own[0].text and own[0].text not in known:
             since = day_of(own[0].start, zone)
             why = say("component.fault", len(own), alarm=own[0].text, day=say.day(since))
             key = component_of(own[0].by, own[0].message)

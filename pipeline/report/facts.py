@@ -123,7 +123,7 @@ class MachineVerdict:
         return say("twin.state", condition=self.condition.word, twin=self.twin.word)
 
 
-def first_of(actions: list[ActionRow]) -> ActionRow:
+def first_action(actions: list[ActionRow]) -> ActionRow:
     """The first of some actions by their order, those at the machine before the engineers'."""
     return next((row for row in actions if not row.engineers), actions[0])
 

@@ -16,7 +16,7 @@ from pipeline.report.facts import (
     MachineFacts,
     MachineVerdict,
     Status,
-    first_of,
+    first_action,
 )
 from pipeline.report.folders import MachineFolders
 from pipeline.report.texts import ENGLISH, Texts
@@ -52,7 +52,7 @@ class FleetRow:
     @property
     def first(self) -> ActionRow | None:
         """The action that comes first; None without any."""
-        return first_of(self.verdict.actions) if self.verdict.actions else None
+        return first_action(self.verdict.actions) if self.verdict.actions else None
 
     @property
     def urgency(self) -> tuple[int, bool, int, str]:

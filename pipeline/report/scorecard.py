@@ -186,7 +186,8 @@ def answer_of(one: ModelledPart) -> Answer:
     answer = ANSWERS.get(status, "unknown")
     typical = None if one.judged is None else typical_error(one.judged)
     best = None if typical is None else _plain(typical)
-    return "care" if answer == "yes" and best is not None and best[0] <= _size(typical) else answer
+    beaten = typical is not None and best is not None and best[0] <= typical.value
+    return "care" if answer == "yes" and beaten else answer
 
 
 def uses_words(facts: MachineFacts, say: Texts) -> str:
@@ -216,10 +217,6 @@ def typical_error(verdict: Verdict) -> WorstError | None:
                 if value is not None:
                     return WorstError(score=score, name=name, value=abs(value), limit=worst.limit)
     return replace(worst, value=abs(worst.value))
-
-
-def _size(error: WorstError | None) -> float:
-    return float("inf") if error is None else error.value
 
 
 def _plain(error: WorstError) -> tuple[float, str] | None:

@@ -11,6 +11,7 @@ from pipeline.charts.sections import NOW, Action, PartVerdict, Role
 from pipeline.charts.sources import shown
 from pipeline.report.components import (
     ComponentState,
+    alarm_of,
     component_states,
     condition_since,
     days_of_incident,
@@ -27,7 +28,7 @@ from pipeline.report.facts import (
     StateLine,
     Status,
     already,
-    first_of,
+    first_action,
     passed_words,
 )
 from pipeline.report.folders import RECORDS, evidence_page, link
@@ -84,8 +85,7 @@ def _incidents(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
     """Incidents of the newest week; what a rule holds to be grave is due now."""
     zone = facts.work.time_zone
     for one in week_incidents(facts):
-        name = next((event.words.get("alarm", "") for event in one.events
-                     if event.rule == "alarm"), None)  # fmt: skip
+        name = alarm_of(one)
         act, check = one.severity == "act", say.given(one.check.rstrip("."))
         why, what = say("action.incident_why", title=say.given(one.title)), check
         if name is not None:
@@ -389,7 +389,7 @@ def _first(actions: list[ActionRow], say: Texts) -> str:
     """What comes first, in a sentence."""
     if not actions:
         return say("actions.none")
-    one = first_of(actions)
+    one = first_action(actions)
     return say("read.first", what=one.action.what.rstrip(".?"), where=one.where(say),
                until=one.until(say), who=one.who(say))  # fmt: skip
 

@@ -19,7 +19,6 @@ from pipeline.report.texts import Texts
 from pipeline.report.twin_state import HEAT, SHOWN, days_since, parts_by, state_rows, strip_of
 from pipeline.report.work import BIN, NO_RECORD, STOPPED, Day, days_between
 from pipeline.report.work_section import state_class
-from pipeline.schema.arrays import Floats
 from pipeline.schema.condition import week_of
 from pipeline.schema.days import clock, day_of, day_start
 from pipeline.schema.si import DAY, NS
@@ -123,7 +122,8 @@ def _curves(facts: MachineFacts, rows: pd.DataFrame, first: date, say: Texts) ->
     rule = rules.get("temperature_outside")
     if strip.areas and rule is not None and rule.limit is not None:
         line = heat["estimated"] + rule.limit * (heat["high"] - heat["estimated"])
-        strip = _with(strip, ("alarm-line", days_since(heat.index, first), line.to_numpy(float)))
+        curve = "alarm-line", days_since(heat.index, first), line.to_numpy(float)
+        strip = replace(strip, curves=[*strip.curves, curve])
     if strip.curves:
         yield _hovered(strip, heat["measured"].fillna(heat["estimated"]), first, "°C", say)
     loads = rows["spindle_load"].resample(STEP)
@@ -137,10 +137,6 @@ def _curves(facts: MachineFacts, rows: pd.DataFrame, first: date, say: Texts) ->
             levels=[] if limit is None or limit.limit is None else [limit.limit],
         )  # fmt: skip
         yield _hovered(strip, most, first, "%", say)
-
-
-def _with(strip: Strip, curve: tuple[str, Floats, Floats]) -> Strip:
-    return replace(strip, curves=[*strip.curves, curve])
 
 
 def _hovered(strip: Strip, values: pd.Series, first: date, unit: str, say: Texts) -> Strip:
@@ -336,8 +332,7 @@ def alarms_of_week(facts: MachineFacts, say: Texts) -> Section | None:
     most = sorted(now, key=lambda row: -_seconds_of(row[1][0]))[:STOPS]
     often = sorted(now, key=lambda row: -len(row[1][0]))[:STOPS]
     faults = [row for row in now if row[0][0] == "fault"][:MOST_FAULTS]
-    rows = [*most, *(row for row in [*often, *faults] if row not in most)]
-    rows = [row for k, row in enumerate(rows) if row not in rows[:k]]
+    rows = list(dict([*most, *often, *faults]).items())
     made = sources(facts.shelf, facts.folders.clean / "alarms.parquet")
     caption = say("alarms.of_week", count=sum(len(row[1][0]) for row in now))
     still = sum(one.ended == "open" for one in facts.alarms.alarms)

@@ -319,11 +319,15 @@ def test_a_fault_that_came_once_is_to_be_watched_on_its_component(tmp_path):
 def test_an_incident_of_alarms_has_the_days_of_its_alarms_and_no_others(tmp_path):
     """It lasts from Monday to Friday, and the alarm came on four of the days."""
     one = an_incident("watch", "coolant_c", "2024-03-04", "Alarm 217 COOLANT LEVEL LOW", "alarm")
+    event = replace(one.events[0], words={"alarm": "217 COOLANT LEVEL LOW"})
+    one = replace(one, events=(event,))
     folders = machine(tmp_path, "m", days=5)
     facts = machine_facts(monitored(folders, replace(one, end="2024-03-08T09:00Z")))
     seen = [alarm for alarm in facts.alarms.alarms if alarm.code == "217"]
     found = days_of_incident(facts, replace(one, component=seen[0].by))
     assert sum(found.values()) == len(found) == len(seen) == 4
+    longer = replace(event, words={"alarm": "1217 COOLANT LEVEL LOW"})  # another code
+    assert not days_of_incident(facts, replace(one, component=seen[0].by, events=(longer,)))
 
 
 def test_a_dead_sensor_is_the_sensors_and_not_the_spindle_that_it_measures(tmp_path):
